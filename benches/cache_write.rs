@@ -37,6 +37,7 @@ impl Shot {
             guide: vec![0; curves],
             group_name: vec!["hair".into(); curves],
             root_uv: vec![[0.5; 2]; curves],
+            loose: Vec::new(),
             closest: ClosestGuides { guides: vec![0; 3 * curves], weights: vec![0.5; 3 * curves] },
         };
         let moving = CurveFrame {

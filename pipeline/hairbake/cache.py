@@ -184,6 +184,11 @@ class Curves:
         return self.cache.fixed(f"{self.name}.arc")
 
     @cached_property
+    def loose(self) -> IntArray:
+        """1 for each curve whose root nothing holds, `n`; in caches that have such."""
+        return self.cache.fixed(f"{self.name}.loose")
+
+    @cached_property
     def closest_guides(self) -> IntArray:
         """Ids of the guides that each render strand follows, `n × 3`."""
         return self.cache.fixed(f"{self.name}.closest_guides")

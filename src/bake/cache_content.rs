@@ -75,7 +75,8 @@ impl<'a> CacheContent<'a> {
         let hair = || {
             let curves = &self.strands.curves;
             let set = curve_set(groom, curves, curves.points.clone(), (0, &self.width_factors));
-            CurveSet { closest: self.closest(), ..set }
+            let main = self.guide_weights.iter().map(|weights| weights[0].0);
+            CurveSet { loose: loose(&self.rods, main), closest: self.closest(), ..set }
         };
         Header {
             metres_per_unit: convention.metres_per_unit,
@@ -126,7 +127,21 @@ pub fn weights_of(groom: &Groom, strands: &Strands, rods: &[(&Rod, Membership)])
     let homes = strands.leaf.iter().zip(&strands.curves.group);
     let homes: Vec<Membership> =
         homes.map(|(leaf, group)| Membership { leaf: *leaf, group: *group }).collect();
-    guide_weights(&strands.curves, &homes, &clumping(groom), rods)
+    let mut weights = guide_weights(&strands.curves, &homes, &clumping(groom), rods);
+    weights.iter_mut().for_each(|weights| keep_held_alike(weights, rods));
+    weights
+}
+
+/// Leaves a strand the guides that move with its first one: a guide whose root is free moves with no other.
+fn keep_held_alike(weights: &mut GuideWeights, rods: &[(&Rod, Membership)]) {
+    let is_free = |guide: usize| rods[guide].0.is_free();
+    let Some(&(main, _)) = weights.first().filter(|_| weights.iter().any(|(guide, _)| is_free(*guide)))
+    else {
+        return;
+    };
+    weights.retain(|(guide, _)| *guide == main || !is_free(main) && !is_free(*guide));
+    let sum: f64 = weights.iter().map(|(_, weight)| weight).sum();
+    weights.iter_mut().for_each(|(_, weight)| *weight /= sum);
 }
 
 /// The guides as written: the points of the rods and the midpoints between them.
@@ -141,7 +156,13 @@ fn guide_set(groom: &Groom, rods: &[(&Rod, Membership)]) -> CurveSet {
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);
-    CurveSet { arc, ..curve_set(groom, &curves, points, (1, &[])) }
+    CurveSet { arc, loose: loose(rods, 0..rods.len()), ..curve_set(groom, &curves, points, (1, &[])) }
+}
+
+/// Marks which of curves that follow these guides are [loose](CurveSet::loose).
+fn loose(rods: &[(&Rod, Membership)], guides: impl Iterator<Item = usize>) -> Vec<i32> {
+    let loose: Vec<i32> = guides.map(|guide| i32::from(rods[guide].0.is_free())).collect();
+    if loose.contains(&1) { loose } else { Vec::new() }
 }
 
 /// `guide` is 1 for guides; `width_factors` scale the width of each group.
@@ -172,6 +193,7 @@ fn curve_set(
         group_name: curves.group.iter().map(|g| groom.groups[*g as usize].name.clone()).collect(),
         guide: vec![guide; curves.len()],
         root_uv: curves.root_uv.clone(),
+        loose: Vec::new(),
         closest: ClosestGuides::default(),
     }
 }

@@ -23,6 +23,8 @@ use std::borrow::Cow;
 pub struct Output<'a> {
     anim: &'a Anim,
     rods: Vec<&'a Rod>,
+    /// What carries the guides whose roots are free ([`GuideRods::released`]).
+    released: &'a [Option<Isometry3<f64>>],
     convention: Convention,
     strands: Option<Interpolator>,
     /// Places of skins that carry the guides and the strands; empty if the head does.
@@ -53,6 +55,7 @@ impl<'a> Output<'a> {
     pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a GuideRods, base: Option<&'a BaseCache>) -> Self {
         let content = CacheContent::new(groom, anim, rods);
         let header = content.header();
+        let released = &rods.released;
         let CacheContent { strands, mut guide_weights, rods, .. } = content;
         let rods: Vec<&Rod> = rods.into_iter().map(|(rod, _)| rod).collect();
         let bodies = Bodies::new(anim.colliders.iter().map(Body::from));
@@ -73,6 +76,7 @@ impl<'a> Output<'a> {
         let mut output = Output {
             anim,
             rods,
+            released,
             convention: groom.convention,
             strands,
             roots: &groom.guides.curves.skin,
@@ -132,7 +136,10 @@ impl<'a> Output<'a> {
         };
         let head = around(None);
         let moving = |(i, rod): (usize, &&Rod)| {
-            let (poses, motion) = self.roots.get(i).map_or(head, |root| around(Some(root)));
+            let (poses, motion) = match self.released[i] {
+                Some(pose) => ([pose; 5], RigidMotion::still(&pose)),
+                None => self.roots.get(i).map_or(head, |root| around(Some(root))),
+            };
             let velocity = |place: &Vector3<f64>| motion.carry(place).1 * interval;
             let carrier = CarrierAround { poses, velocity: &velocity };
             MovingGuide::new(rod, before.map(|before| &before[i]), [&now[i], &after[i]], &carrier, interval)
@@ -154,7 +161,7 @@ impl<'a> Output<'a> {
         let poses = self.collider_poses(t);
         let obstacles = self.obstacles(t, &poses);
         let motion = moving.map_or_else(|| self.still(guides), |moving| self.motion(moving));
-        let posed = strands.pose(self.carriers(&self.strand_roots, t), Some(&obstacles), &motion);
+        let posed = strands.pose(self.strand_carriers(strands, &motion, t), Some(&obstacles), &motion);
         let (free, deflections) = if moving.is_some() {
             let (free, deflections) = strands.evaluate_free(&obstacles, &posed, &self.to_scene());
             (Some(free), deflections)
@@ -179,8 +186,8 @@ impl<'a> Output<'a> {
         match posed {
             Some(posed) => strands.settle(&obstacles, posed, around),
             None => {
-                let posed =
-                    strands.pose(self.carriers(&self.strand_roots, t), Some(&obstacles), &self.still(guides));
+                let still = self.still(guides);
+                let posed = strands.pose(self.strand_carriers(strands, &still, t), Some(&obstacles), &still);
                 strands.settle(&obstacles, &posed, around)
             }
         }
@@ -207,10 +214,10 @@ impl<'a> Output<'a> {
         // The accelerations of a single moment extrapolate to the end of the shutter.
         offsets.extend((self.header.accelerations && written == 1).then_some(settings.shutter));
         let moment = |offset: f64| {
-            let pairs = states[0].iter().zip(states[1]);
+            let pairs = self.rods.iter().zip(states[0].iter().zip(states[1]));
             let between: Vec<MovingGuide> = match offset {
                 0.0 => Vec::new(),
-                _ => pairs.map(|(a, b)| MovingGuide::between(a, b, offset, interval)).collect(),
+                _ => pairs.map(|(rod, (a, b))| MovingGuide::between(rod, a, b, offset, interval)).collect(),
             };
             let (guides, known) =
                 if offset == 0.0 { (states[0], known.take()) } else { (&between[..], None) };
@@ -255,8 +262,8 @@ impl<'a> Output<'a> {
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let at = DeflectionAt { frames: settled, fraction: offset, interval: 1.0 / self.anim.fps };
             let (posed, free) = known.unzip();
-            let posed =
-                posed.unwrap_or_else(|| strands.pose(self.carriers(&self.strand_roots, t), None, &motion));
+            let posed = posed
+                .unwrap_or_else(|| strands.pose(self.strand_carriers(strands, &motion, t), None, &motion));
             let StrandMotion { points, velocities } = strands.evaluate(&posed, &at, &to_scene, free);
             depths = strands.depths(&obstacles, &posed, &points, &self.to_metres());
             let level = levels.as_ref().map(|l| strands.main_guides().map(|guide| l[guide]).collect());
@@ -307,7 +314,28 @@ impl<'a> Output<'a> {
         if self.roots.is_empty() {
             return Carriers::Head(RigidMotion::of(|t| self.anim.head_pose(t), t));
         }
-        Carriers::Skin { guides: of(self.roots), strands: of(strands) }
+        Carriers::Each { guides: of(self.roots), strands: of(strands) }
+    }
+
+    /// What carries the guides in `motion` and the `strands` that follow them at time `t`, s: the root of a guide, if it
+    /// is free.
+    fn strand_carriers(&self, strands: &Interpolator, motion: &[GuideMotion], t: f64) -> Carriers {
+        let carriers = self.carriers(&self.strand_roots, t);
+        if self.released.iter().all(Option::is_none) {
+            return carriers;
+        }
+        let guide = |(i, (guide, released)): (usize, (&GuideMotion, &Option<Isometry3<f64>>))| match released
+        {
+            Some(pose) => RigidMotion::of_free_root(guide, pose),
+            None => *carriers.guide(i),
+        };
+        let guides: Vec<RigidMotion> = motion.iter().zip(self.released).enumerate().map(guide).collect();
+        let strand = |(c, main): (usize, usize)| match self.released[main] {
+            Some(_) => guides[main],
+            None => *carriers.strand(c),
+        };
+        let strands = strands.main_guides().enumerate().map(strand).collect();
+        Carriers::Each { guides, strands }
     }
 
     /// Converts metres, Y up, to the cache's unit and axes.
@@ -364,7 +392,8 @@ impl<'a> Output<'a> {
             .enumerate()
             .map_init(Default::default, |(shape, sensitivity): &mut (RodShape, Sensitivity), (i, motion)| {
                 let GuideMotion { rod, q, rate } = motion;
-                let carrier = carriers.guide(i);
+                let released = self.released[i].map(|pose| RigidMotion::still(&pose));
+                let carrier = released.as_ref().unwrap_or_else(|| carriers.guide(i));
                 shape.update(rod, &(carrier.rotation * rod.root.r), q);
                 sensitivity.update(rod, shape, q);
                 let (root, speed) = carrier.carry(&rod.root.p);

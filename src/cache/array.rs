@@ -5,7 +5,7 @@ use super::{CurveFrame, CurveSet, Frame, Header, HeldGuides};
 /// The curves that have arrays.
 pub const CURVES: [&str; 2] = ["hair", "guides"];
 /// Arrays of curves that do not move, with what they hold.
-pub const FIXED: [(&str, &str); 12] = [
+pub const FIXED: [(&str, &str); 13] = [
     ("counts", "number of points of each curve"),
     ("rest", "points in rest space, units"),
     ("arc", "arc length of the rod from the root to each point, units, of guides"),
@@ -14,6 +14,7 @@ pub const FIXED: [(&str, &str); 12] = [
     ("groups", "group of each curve"),
     ("guide", "1 for a simulated guide, 0 for a render strand"),
     ("root_uv", "texture coordinate of each root"),
+    ("loose", "1 for a curve whose root nothing holds, in caches that have such"),
     ("closest_guides", "ids of the guides that each strand follows"),
     ("guide_weights", "their weights"),
     ("tie_guides", "id of the guide that each tie force acts on, in caches that have them"),
@@ -139,6 +140,7 @@ fn fixed(set: &CurveSet, held: Option<&HeldGuides>, name: &str) -> Option<Array>
         "groups" => Array::integers(&set.group),
         "guide" => Array::integers(&set.guide),
         "root_uv" => Array::vectors(&set.root_uv),
+        "loose" => Array::integers(&set.loose),
         "closest_guides" => Array::integers(&set.closest.guides).in_rows(per_strand),
         "guide_weights" => Array::floats(&set.closest.weights).in_rows(per_strand),
         "tie_guides" => Array::integers(&held?.guide),
@@ -196,6 +198,7 @@ mod tests {
             group_name: vec!["a".into()],
             guide: vec![0],
             root_uv: vec![[0.0; 2]],
+            loose: vec![1],
             closest: super::super::ClosestGuides { guides: vec![1; 3], weights: vec![0.5; 3] },
         };
         let reactions = Some(HeldGuides { guide: vec![5], number: vec![0] });

@@ -32,6 +32,7 @@ impl CurveSet {
         same("names of groups", self.group_name.len(), n)?;
         same("guide flags", self.guide.len(), n)?;
         same("root coordinates", self.root_uv.len(), n)?;
+        same("loose flags", self.loose.len(), if self.loose.is_empty() { 0 } else { n })?;
         let ClosestGuides { guides, weights } = &self.closest;
         let expected = if guides.is_empty() { 0 } else { n * ClosestGuides::PER_STRAND };
         same("closest guides", guides.len(), expected)?;

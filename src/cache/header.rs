@@ -71,6 +71,8 @@ pub struct CurveSet {
     pub guide: Vec<i32>,
     /// Texture coordinate of each root; `n`.
     pub root_uv: Vec<[f32; 2]>,
+    /// 1 for a curve whose root nothing holds, 0 for another; `n`, or empty if all are held.
+    pub loose: Vec<i32>,
     /// Guides that each curve follows; empty for guides.
     pub closest: ClosestGuides,
 }

@@ -8,8 +8,8 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGu
 use super::manifest::Manifest;
 use super::material;
 use super::names::{
-    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, PLANE, SKIN,
-    TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, clip_template, clips, collider_prim_names,
+    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, LOOSE, PLANE,
+    SKIN, TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, clip_template, clips, collider_prim_names,
     frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
@@ -283,6 +283,9 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
     if !curves.arc.is_empty() {
         let arc = Value::Floats(Cow::Borrowed(&curves.arc));
         attributes.push(interpolated(ARC, "float[]", "vertex", arc));
+    }
+    if !curves.loose.is_empty() {
+        attributes.push(interpolated(LOOSE, "int[]", "uniform", ints(&curves.loose)));
     }
     let ClosestGuides { guides, weights } = &curves.closest;
     if !guides.is_empty() {

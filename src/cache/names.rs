@@ -29,6 +29,8 @@ pub(super) const CLOSEST_GUIDES: &str = "primvars:groom_closest_guides";
 pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
 /// Arc length of each point of a guide.
 pub(super) const ARC: &str = "primvars:groom_arc";
+/// Marks curves whose roots nothing holds.
+pub(super) const LOOSE: &str = "primvars:groom_loose";
 /// Triangles that close the holes of a collider.
 pub(super) const CAPS: &str = "primvars:groom_caps";
 /// Marks a collider that roots ride on.

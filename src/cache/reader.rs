@@ -5,7 +5,7 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGu
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN,
+    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, LOOSE, MANIFEST, PLANE, SKIN,
     TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name,
     frames_on_disk,
 };
@@ -185,6 +185,7 @@ impl Source {
             group_name: self.take(prim, "primvars:groom_group_name", None, strings)?,
             guide: self.take(prim, "primvars:groom_guide", None, ints)?,
             root_uv: self.take(prim, "primvars:groom_root_uv", None, float2s)?,
+            loose: if self.has(prim, LOOSE) { self.take(prim, LOOSE, None, ints)? } else { Vec::new() },
             closest: match self.has(prim, CLOSEST_GUIDES) {
                 true => ClosestGuides {
                     guides: self.take(prim, CLOSEST_GUIDES, None, ints)?,

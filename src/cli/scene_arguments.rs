@@ -346,14 +346,14 @@ fn over_plan(
     }
 }
 
-/// Checks that `anim`, read from `file`, steps guides whose roots are pinned.
+/// Checks that `anim`, read from `file`, steps guides whose roots are pinned or free.
 fn check_resolution(file: &Path, anim: &Anim) -> Result<()> {
     let resolution = anim.resolution();
-    if !anim.pins_roots() || resolution == Resolution::Full {
+    if !anim.frees_roots() || resolution == Resolution::Full {
         return Ok(());
     }
-    let message = format!("is {}, and some roots are pinned", values::name(&resolution));
-    let help = "leave it out, or remove the pinned roots";
+    let message = format!("is {}, and some roots are pinned or free", values::name(&resolution));
+    let help = "leave it out, or clamp all roots";
     Err(Error::from(Diagnostic::new(file, "settings.resolution", message, "full, or auto", help)))
 }
 

@@ -17,6 +17,9 @@
 //!
 //! Next to its root a hair is stiffer than skin, which gives way to it: there it meets no body at all
 //! ([`Clearance::hold`]).
+//!
+//! A loose strand, whose root nothing holds, does not grow out of a body: all that is inside is pushed out, to d, unless
+//! it is drawn through the body.
 
 use crate::contact::{Bodies, BodyMotion, Contact, ContactCache, MovingPolyline, pinch};
 use nalgebra::{Isometry3, Vector3};
@@ -87,6 +90,8 @@ pub struct GroomPose<'a> {
     pub thickness: &'a [f64],
     /// The guide's polyline, m, world.
     pub x: &'a [Vector3<f64>],
+    /// True if its root is held.
+    pub rooted: bool,
 }
 
 /// Points and segments of a guide in the groom's pose, relative to all bodies, body by body.
@@ -113,7 +118,8 @@ impl GroomPose<'_> {
             let inside = known.take().filter(|_| length < far);
             let inside = inside.unwrap_or_else(|| *known.insert(self.bodies.contains(b, self.t, &local[k])));
             match inside {
-                true => Point { keep: d.min(MAX_SLOPE * s), depth: far, normal },
+                true if self.rooted => Point { keep: d.min(MAX_SLOPE * s), depth: far, normal },
+                true => Point { keep: d, depth: far, normal },
                 false => Point { keep: d.min(0.5 * far), depth: 0.0, normal },
             }
         };
@@ -122,7 +128,7 @@ impl GroomPose<'_> {
 
     /// The passage of each segment past body `b`; `local` are the points in its frame.
     fn passages(&self, b: usize, local: &[Vector3<f64>], points: &[Point]) -> Vec<Passage> {
-        let rooted = points.iter().take_while(|point| point.depth > 0.0).count();
+        let rooted = points.iter().take_while(|point| self.rooted && point.depth > 0.0).count();
         let inside = |k: usize| points[k].depth > 0.0;
         let facing_away = |k: usize| points[k].normal.dot(&points[k + 1].normal) < 0.0;
         let segments = self.x.len() - 1;
@@ -432,7 +438,7 @@ mod tests {
     /// The clearance of a polyline among bodies at the origin.
     fn clearance(bodies: &Bodies, x: &[Vector3<f64>]) -> Clearance {
         let poses = &[Isometry3::identity()];
-        Clearance::new(&GroomPose { bodies, t: 0.0, poses, thickness: &[5e-4], x })
+        Clearance::new(&GroomPose { bodies, t: 0.0, poses, thickness: &[5e-4], x, rooted: true })
     }
 
     /// A clockwise triangle of the xy plane, extruded along z from −`half` to `half`.
@@ -473,8 +479,14 @@ mod tests {
         let bodies = Bodies::from_shapes(&[plane(), plane()]);
         let x: Vec<_> = (0..6).map(|k| Vector3::new(0.01 * f64::from(k), 0.002, 0.0)).collect();
         let poses = &[Isometry3::identity(); 2];
-        let mut clearance =
-            Clearance::new(&GroomPose { bodies: &bodies, t: 0.0, poses, thickness: &[5e-4; 2], x: &x });
+        let mut clearance = Clearance::new(&GroomPose {
+            bodies: &bodies,
+            t: 0.0,
+            poses,
+            thickness: &[5e-4; 2],
+            x: &x,
+            rooted: true,
+        });
         clearance.hold(2);
         let mut kept = Vec::new();
         clearance.at(1.0, &mut kept);

@@ -134,7 +134,12 @@ impl MovingGuide {
         interval: f64,
     ) -> (Self, bool) {
         let differences = if before.is_some() { CENTRAL } else { AT_START };
-        let q = [&before.unwrap_or(now).q, &now.midway, &now.q, &after.midway, &after.q];
+        let unwound = |q: &Vec<f64>| {
+            let mut q = q.clone();
+            rod.unwind_towards(&now.q, &mut q, &mut []);
+            q
+        };
+        let q = [&before.unwrap_or(now).q, &now.midway, &now.q, &after.midway, &after.q].map(unwound);
         // Per frame, as are all differences here.
         let [mut rate, correction] = [OVER_A_FRAME, differences.correction].map(|weights| -> Vec<f64> {
             let of = |i: usize| q.iter().zip(weights).map(|(q, weight)| q[i] * weight).sum();
@@ -145,21 +150,23 @@ impl MovingGuide {
         rate.iter_mut().zip(&correction).for_each(|(rate, correction)| *rate += share * correction);
         let unsteady = velocity_in_head(&[rod.root.p; 5], head, &differences).0.norm() > UNSTEADY;
         let fits = unsteady || turn(rod, &rate) > 2.0 * RESOLVED_TURN;
-        let limited = fits && !fit(&mut rate, rod, q, head, &differences);
+        let limited = fits && !fit(&mut rate, rod, &q, head, &differences);
         rate.iter_mut().for_each(|rate| *rate /= interval);
         let reaction = now.reaction.clone();
         (MovingGuide { q: now.q.clone(), rate, level: now.level, reaction }, limited)
     }
 
-    /// The guide between two frames, `interval`, s, apart, at the share `u` of the way: cubic in time, with
+    /// The guide of `rod` between two frames, `interval`, s, apart, at the share `u` of the way: cubic in time, with
     /// the rates of both ends; of the first one's level, its reactions linear.
-    pub fn between(a: &Self, b: &Self, u: f64, interval: f64) -> Self {
+    pub fn between(rod: &Rod, a: &Self, b: &Self, u: f64, interval: f64) -> Self {
+        let (mut q, mut rate) = (b.q.clone(), b.rate.clone());
+        rod.unwind_towards(&a.q, &mut q, &mut rate);
         // Of the cubic Hermite basis: the step, and the slopes at its start and end; then their derivatives.
         let (step, start, end) = (u * u * (3.0 - 2.0 * u), u * (1.0 - u) * (1.0 - u), u * u * (u - 1.0));
         let (d_step, d_start, d_end) =
             (6.0 * u * (1.0 - u), (1.0 - u) * (1.0 - 3.0 * u), u * (3.0 * u - 2.0));
         let at = |i: usize, step: f64, start: f64, end: f64| {
-            (b.q[i] - a.q[i]) * step + (a.rate[i] * start + b.rate[i] * end) * interval
+            (q[i] - a.q[i]) * step + (a.rate[i] * start + rate[i] * end) * interval
         };
         MovingGuide {
             q: (0..a.q.len()).map(|i| a.q[i] + at(i, step, start, end)).collect(),
@@ -170,10 +177,13 @@ impl MovingGuide {
     }
 }
 
-/// A bound on how far a rod turns at these rates of its unknowns, rad per unit of time.
+/// A bound on how far a rod turns at these rates of its unknowns, rad per unit of time: by its strains, or with a root that
+/// is free.
 fn turn(rod: &Rod, rate: &[f64]) -> f64 {
     let square = |node: &[f64]| node.iter().map(|r| r * r).sum::<f64>();
-    rate.chunks(3).map(square).fold(0.0, f64::max).sqrt() * rod.length()
+    let (joint, strains) = rate.split_at(if rod.is_free() { 6 } else { 0 });
+    let of_strains = strains.chunks(3).map(square).fold(0.0, f64::max).sqrt() * rod.length();
+    joint.chunks(3).take(1).map(square).fold(0.0, f64::max).sqrt().max(of_strains)
 }
 
 /// Changes the rates of the unknowns of `rod`, per frame, to those that in the least squares move its points,
@@ -183,7 +193,7 @@ fn turn(rod: &Rod, rate: &[f64]) -> f64 {
 fn fit(
     rate: &mut [f64],
     rod: &Rod,
-    q: [&Vec<f64>; 5],
+    q: &[Vec<f64>; 5],
     head: &CarrierAround,
     differences: &Differences,
 ) -> bool {
@@ -191,15 +201,15 @@ fn fit(
     let mut poses: [Vec<Pose>; 5] = Default::default();
     // The frame last: its shape is used below.
     for i in [0, 1, 3, 4, 2] {
-        shape.update(rod, &rod.root.r, q[i]);
+        shape.update(rod, &rod.root.r, &q[i]);
         poses[i].extend(shape.poses());
     }
     let mut limited = 0.0_f64;
     let mut sensitivity = Sensitivity::default();
-    sensitivity.update(rod, &shape, q[2]);
+    sensitivity.update(rod, &shape, &q[2]);
     let n = rate.len();
     let (mut normal, mut change, mut row) = (vec![0.0; n * n], vec![0.0; n], vec![0.0; n]);
-    for k in 1..rod.points() {
+    for k in usize::from(!rod.is_free())..rod.points() {
         for aside in [0.0, BESIDE] {
             let places = poses.each_ref().map(|poses| poses[k].p + poses[k].r.column(0) * aside);
             let x = places[2];
@@ -217,7 +227,9 @@ fn fit(
         }
     }
     let trace: f64 = (0..n).map(|i| normal[i * n + i]).sum();
-    (0..n).for_each(|i| normal[i * n + i] += DAMPING * trace / n as f64);
+    // Of the unknowns of a free root, which have other units, and of the strains beside them, each has its own.
+    let diagonal = |own: f64| if rod.is_free() { own } else { trace / n as f64 };
+    (0..n).for_each(|i| normal[i * n + i] += DAMPING * diagonal(normal[i * n + i]));
     if cholesky::factor(&mut normal, n) != 1 {
         return false;
     }
@@ -372,7 +384,8 @@ mod tests {
             |t: f64| MovingGuide { q: vec![cubic(t).0], rate: vec![cubic(t).1], level: 0, reaction: None };
         let from = 0.3;
         for u in [0.0, 0.25, 0.5, 0.999, 1.0] {
-            let found = MovingGuide::between(&state(from), &state(from + INTERVAL), u, INTERVAL);
+            let (rod, _) = Rod::bent_sample();
+            let found = MovingGuide::between(&rod, &state(from), &state(from + INTERVAL), u, INTERVAL);
             let wanted = cubic(from + u * INTERVAL);
             assert!((found.q[0] - wanted.0).abs() < 1e-13 && (found.rate[0] - wanted.1).abs() < 1e-11, "{u}");
         }

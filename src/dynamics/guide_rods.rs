@@ -1,15 +1,17 @@
 //! The groom's guides as rods.
 
 use super::air_drag::HairDensity;
+use super::clock;
 use super::guide_frame::GuideFrame;
 use super::hair_volume;
 use super::load;
 use super::sag_free::{self, SagFreeReport};
 use super::tie;
-use crate::rod::{Rod, RodShape, SegmentSize};
+use crate::rod::{Rod, RodShape, RootJoint, SegmentSize};
 use crate::scene::anim::{ContactSetting, RootHold, Roots};
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
+use nalgebra::Isometry3;
 use rayon::prelude::*;
 
 /// The rods of a bake, in the groom's order: those simulated, and those that output and validation sample.
@@ -26,6 +28,8 @@ pub struct GuideRods {
     pub sampling: Option<f64>,
     /// What the sag-free start changed.
     pub sag_free: SagFreeReport,
+    /// For each guide whose root is free, what carries rest space to the world at the start of the pre-roll.
+    pub released: Vec<Option<Isometry3<f64>>>,
     /// True for each guide that the bake needs: all guides, or those of some groups and their leaders.
     pub required: Vec<bool>,
 }
@@ -51,12 +55,16 @@ impl GuideRods {
                 std::mem::replace(&mut simulated, wisp::guide_rods(groom, SegmentSize::COARSE, tip_strain));
         }
         for rods in [&mut simulated, &mut fine] {
-            pin_roots(groom, anim, rods);
+            join_roots(groom, anim, rods);
         }
+        let skin = |i: usize| groom.guides.curves.skin.get(i);
+        let start = clock::time_after(anim, 0);
+        let released = |(i, r): (usize, &GuideRod)| r.rod.is_free().then(|| anim.carrier(skin(i), start));
+        let released = simulated.iter().enumerate().map(released).collect();
         let report = sag_free::apply(&mut simulated, &groom.guides.curves.skin, anim);
         let required = vec![true; simulated.len()];
         let fine = fine.into_iter().map(|r| r.rod).collect();
-        GuideRods { sag_free: report, required, simulated, fine, density, sampling }
+        GuideRods { sag_free: report, released, required, simulated, fine, density, sampling }
     }
 
     /// The fine rod of every guide, with the simulated one.
@@ -65,10 +73,11 @@ impl GuideRods {
     }
 
     /// Distance of the simulated guides from the groom's pose carried by the head, relative to their length:
-    /// the mean over each guide's points; of these the mean and the maximum over the required guides.
+    /// the mean over each guide's points; of these the mean and the maximum over the required guides. Guides whose
+    /// roots are free are left out.
     pub fn departure(&self, frames: &[GuideFrame]) -> [f64; 2] {
-        let required =
-            self.simulated.par_iter().zip(frames).zip(&self.required).filter(|(_, required)| **required);
+        let required = self.simulated.par_iter().zip(frames).zip(&self.required);
+        let required = required.filter(|((guide, _), required)| **required && !guide.rod.is_free());
         let each = required.map(|((GuideRod { rod, .. }, frame), _)| {
             let [groom, now] = [&rod.initial_q, &frame.q].map(|q| {
                 let mut shape = RodShape::default();
@@ -83,16 +92,18 @@ impl GuideRods {
     }
 }
 
-/// Pins the roots of `rods` that `anim` has pinned.
-fn pin_roots(groom: &Groom, anim: &Anim, rods: &mut [GuideRod]) {
-    if !anim.pins_roots() {
+/// Frees the roots of `rods` as `anim` has it.
+fn join_roots(groom: &Groom, anim: &Anim, rods: &mut [GuideRod]) {
+    if !anim.frees_roots() {
         return;
     }
     rods.par_iter_mut().for_each(|r| {
         let drawn = tie::drawn(&r.rod);
         let of = |roots: &&Roots| tie::selects(&roots.guides, groom, r, &drawn);
-        if anim.roots.iter().rfind(of).is_some_and(|roots| roots.hold == RootHold::Pinned) {
-            r.rod.pin();
+        match anim.roots.iter().rfind(of).map(|roots| roots.hold) {
+            None | Some(RootHold::Clamped) => {}
+            Some(RootHold::Pinned) => r.rod.join_root(RootJoint::Pinned),
+            Some(RootHold::Free) => r.rod.join_root(RootJoint::Free),
         }
     });
 }

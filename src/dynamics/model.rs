@@ -43,11 +43,12 @@ impl<'a> Model<'a> {
     /// The model of `groom`, whose guides have the rods `rods`, moving as in `anim`.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
         let simulated = rods.required.clone();
-        let GuideRods { simulated: rods, density, .. } = rods;
+        let GuideRods { simulated: rods, density, released, .. } = rods;
         let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, density, r)).collect();
         for (guide, skin) in guides.iter_mut().zip(&groom.guides.curves.skin) {
             guide.skin = Some(skin.clone());
         }
+        guides.iter_mut().zip(released).for_each(|(guide, released)| guide.released = *released);
         animate(groom, anim, rods, &mut guides);
         for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
             guide.ties = ties;
@@ -155,9 +156,10 @@ fn guide(anim: &Anim, density: &HairDensity, r: &GuideRod) -> GuideModel {
 }
 
 /// Springs that pull the points of a rod to where they are in `shape` (`docs/theory.md` §4.1, goals). `hz`
-/// are their frequencies at root and tip, Hz, linear in arc length; anchors are in the root frame.
+/// are their frequencies at root and tip, Hz, linear in arc length; anchors are in the root frame. None if the root is
+/// free.
 fn goal(rod: &Rod, shape: &RodShape, hz: [f64; 2]) -> Vec<GoalSpring> {
-    if hz == [0.0; 2] {
+    if hz == [0.0; 2] || rod.is_free() {
         return Vec::new();
     }
     let spring = |(k, s): (usize, f64)| {
@@ -189,7 +191,9 @@ fn bundles(rods: &[GuideRod]) -> Vec<BundleProperties> {
 }
 
 fn wisp_friction(rods: &[GuideRod]) -> Option<WispFriction> {
-    let sampler = |r: &GuideRod| FrictionSampler::new(&r.rod, r.hairs, r.material.wisp_friction);
+    // A loose hair has left its wisp.
+    let rate = |r: &GuideRod| if r.rod.is_free() { 0.0 } else { r.material.wisp_friction };
+    let sampler = |r: &GuideRod| FrictionSampler::new(&r.rod, r.hairs, rate(r));
     let wisps: Vec<usize> = rods.iter().map(|r| r.leaf.0).collect();
     WispFriction::new(rods.iter().map(sampler).collect(), &wisps)
 }

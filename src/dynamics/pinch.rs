@@ -37,8 +37,8 @@ pub(super) struct Pinch<'a> {
     pub motions: &'a [BodyMotion],
     /// Contact polyline at the start of the step, m, world.
     pub x0: &'a [Vector3<f64>],
-    /// Root at the end of the step, world.
-    pub root: &'a Pose,
+    /// Root at the end of the step, world; `None` if nothing holds it.
+    pub root: Option<&'a Pose>,
     /// Where the root is among the bodies in the groom's pose.
     pub at_rest: &'a Clearance,
 }
@@ -118,7 +118,8 @@ impl Pinch<'_> {
     /// Lowers the distance from body `b` at the root to what that has, and those near a root that the body has
     /// swallowed. Returns whether a part of the skin that the root is on has done so.
     fn lower_beside_root(&self, b: usize, clearance: &mut [[f64; 2]]) -> bool {
-        let root = &self.root.p;
+        let Some(Pose { r, p: root }) = self.root else { return false };
+        let direction = r.column(2).into();
         let Some(on) = self.closest(b, Moment::End, root) else { return false };
         let (mut own, mut other) =
             (self.surface(b, Moment::End, &on), self.other_part(b, Moment::End, root, &on));
@@ -134,16 +135,22 @@ impl Pinch<'_> {
         let at_root = &mut clearance[b * (self.x0.len() - 1)][0];
         *at_root = other.iter().map(|part| part.distance).fold(at_root.min(own.distance), f64::min);
         if approaches(own.distance, at_rest) {
-            self.lower_along(b, &own, clearance);
+            self.lower_along(b, &own, &direction, clearance);
         }
         let swallows = |part: &Surface| approaches(part.distance, self.at_rest.fold_distance(b));
-        other.filter(swallows).is_some_and(|part| self.lower_along(b, &part, clearance))
+        other.filter(swallows).is_some_and(|part| self.lower_along(b, &part, &direction, clearance))
     }
 
-    /// Lowers the distances from body `b` to those of a hair that leaves the surface `from` at its root.
-    /// Returns whether any is lowered.
-    fn lower_along(&self, b: usize, from: &Surface, clearance: &mut [[f64; 2]]) -> bool {
-        let sine = from.normal.dot(&self.root.r.column(2));
+    /// Lowers the distances from body `b` to those of a hair that leaves the surface `from` at its root, in this
+    /// unit `direction`. Returns whether any is lowered.
+    fn lower_along(
+        &self,
+        b: usize,
+        from: &Surface,
+        direction: &Vector3<f64>,
+        clearance: &mut [[f64; 2]],
+    ) -> bool {
+        let sine = from.normal.dot(direction);
         let segments = self.x0.len() - 1;
         let (mut s, mut lowered) = (0.0, false);
         for (ends, x) in clearance[b * segments..][..segments].iter_mut().zip(self.x0.windows(2)) {
@@ -302,9 +309,10 @@ impl Simulation<'_> {
             let guide = &self.state.guides[i];
             guide.clearance.at((self.env.push_out)(t), &mut asked);
             lowered.clone_from(&asked);
-            let root = self.model.guides[i].root(&self.env, t);
+            let model = &self.model.guides[i];
+            let root = (!model.rod.is_free()).then(|| model.root(&self.env, t));
             let (x0, at_rest) = (&self.polyline(i), &guide.clearance);
-            Pinch { bodies: &self.env.bodies, motions: &motions, x0, root: &root, at_rest }
+            Pinch { bodies: &self.env.bodies, motions: &motions, x0, root: root.as_ref(), at_rest }
                 .lower(&asked, &mut lowered);
             let inside = |(asked, lowered): &(&[f64; 2], &[f64; 2])| {
                 asked != lowered && lowered[0].min(lowered[1]) < 0.0
@@ -329,7 +337,14 @@ mod tests {
             heights.iter().enumerate().map(point).collect::<Vec<_>>()
         };
         let (keep, poses) = (5e-4, &[Isometry3::identity()]);
-        let drawn = GroomPose { bodies: &bodies, t: 0.0, poses, thickness: &[keep], x: &line([1e-3; 5]) };
+        let drawn = GroomPose {
+            bodies: &bodies,
+            t: 0.0,
+            poses,
+            thickness: &[keep],
+            x: &line([1e-3; 5]),
+            rooted: true,
+        };
         // Beside, at the distance to keep up to rounding, nearer, and inside.
         let x = line([1e-3, keep - 1e-9, 2e-4, -3e-3, 1e-3]);
         let asked = [[f64::NEG_INFINITY; 2], [keep; 2], [keep; 2], [keep; 2]];
@@ -338,7 +353,7 @@ mod tests {
                 BodyMotion { times: [0.0, h], start: Isometry3::identity(), end: Isometry3::identity() };
             let root = Pose { r: nalgebra::Matrix3::identity(), p: x[0] };
             let at_rest = &Clearance::new(&drawn);
-            let pinch = Pinch { bodies: &bodies, motions: &[motion], x0: x, root: &root, at_rest };
+            let pinch = Pinch { bodies: &bodies, motions: &[motion], x0: x, root: Some(&root), at_rest };
             let mut clearance = asked;
             pinch.lower_where_inside(pinched, false, &mut clearance).then_some(clearance)
         };
@@ -360,7 +375,7 @@ mod tests {
         let bodies = Bodies::from_shapes(&[Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() }]);
         let x = [0.0, 0.01, 0.02].map(|s| Vector3::new(s, 1e-3, 0.0));
         let poses = &[Isometry3::identity()];
-        let drawn = GroomPose { bodies: &bodies, t: 0.0, poses, thickness: &[5e-4], x: &x };
+        let drawn = GroomPose { bodies: &bodies, t: 0.0, poses, thickness: &[5e-4], x: &x, rooted: true };
         let at_rest = &Clearance::new(&drawn);
         let asked = [[5e-4; 2]; 2];
         // The plane rises to the distance `left` from the root, less far than to swallow it.
@@ -368,7 +383,7 @@ mod tests {
             let end = Isometry3::translation(0.0, 1e-3 - left, 0.0);
             let motion = BodyMotion { times: [0.0, 0.005], start: Isometry3::identity(), end };
             let root = Pose { r: nalgebra::Matrix3::identity(), p: x[0] };
-            let pinch = Pinch { bodies: &bodies, motions: &[motion], x0: &x, root: &root, at_rest };
+            let pinch = Pinch { bodies: &bodies, motions: &[motion], x0: &x, root: Some(&root), at_rest };
             let mut clearance = asked;
             assert_eq!(pinch.lower(&asked, &mut clearance).lacks, asked != clearance);
             clearance

@@ -16,6 +16,7 @@ use super::strand_contact::{RECOVERY_SPEED, StrandContacts};
 use super::wisp_friction::CarrierVelocity;
 use super::wisps::{AdaptiveTree, WispChanges};
 use crate::contact::{Bodies, Body};
+use crate::rod::Rod;
 use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Collider, Groom};
 use crate::wisp::{Hierarchy, NeighbourDrag};
@@ -121,9 +122,10 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     }
     advance(model, env, state, span);
     state.taken += 1;
-    for (guide, active) in state.guides.iter_mut().zip(&state.record.active) {
+    let rods = model.guides.iter().map(|guide| &guide.rod);
+    for ((guide, rod), active) in state.guides.iter_mut().zip(rods).zip(&state.record.active) {
         if *active {
-            record_midway(model, guide, state.taken);
+            record_midway(model, rod, guide, state.taken);
         }
     }
     if model.is_at_frame(state.taken) {
@@ -137,9 +139,9 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
 }
 
 /// Adds the end of a sub-step, after `taken` of them, to the unknowns of a guide half-way through its frame.
-fn record_midway(model: &Model, guide: &mut GuideState, taken: i64) {
+fn record_midway(model: &Model, rod: &Rod, guide: &mut GuideState, taken: i64) {
     if let Some(k) = model.substep_of_frame(taken) {
-        guide.record_midway(k, i64::from(model.anim.settings.substeps));
+        guide.record_midway(rod, k, i64::from(model.anim.settings.substeps));
     }
 }
 
@@ -241,7 +243,7 @@ fn catch_up_split(
         }
         batches.step(&model.guides, env, guides, span, mode, &mut of_all);
         for &i in &split {
-            record_midway(model, &mut guides[i], substep + 1);
+            record_midway(model, &model.guides[i].rod, &mut guides[i], substep + 1);
             records.push((i, of_all[i]));
         }
     }

@@ -52,8 +52,8 @@ pub struct Tie {
     pub of: usize,
 }
 
-/// What holds a strand before the place of a tie, on the way from its root: the root, or the last tie through which it
-/// does not slide.
+/// What holds a strand before the place of a tie, on the way from its root: the root unless that is free, or the last
+/// tie through which it does not slide.
 #[derive(Debug, Clone, Copy)]
 pub struct Anchor {
     /// Arc length from the root, m.
@@ -181,13 +181,13 @@ impl Tie {
     }
 
     /// What it holds at the end of a step of `h`, s, that starts with the contact polyline `x`, world, m, and the frames
-    /// of `shape`, within reach of `anchor`. `poses` are the body's poses (rest space to world) at start and end.
+    /// of `shape`, within reach of `anchor` if there is one. `poses` are the body's poses (rest space to world) at start and end.
     pub fn active(
         &self,
         h: f64,
         x: &[Vector3<f64>],
         shape: &RodShape,
-        anchor: &Anchor,
+        anchor: Option<&Anchor>,
         poses: [Isometry3<f64>; 2],
     ) -> ActiveTie {
         let [before, goal] = poses.map(|pose| (pose * Point3::from(self.goal)).coords);
@@ -196,8 +196,10 @@ impl Tie {
         let carried = (poses[1] * poses[0].inverse_transform_point(&from.into())).coords;
         let offset = goal - carried;
         let free = carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0);
-        let offset = free - anchor.x;
-        let target = anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0);
+        let target = anchor.map_or(free, |anchor| {
+            let offset = free - anchor.x;
+            anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0)
+        });
         let (segment, s) = on_rod(k, u);
         let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
         ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame }

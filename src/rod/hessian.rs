@@ -2,7 +2,7 @@
 //! composite bodies (Featherstone 2008, ch. 6), geometric stiffness included. Exact between segments; within
 //! one segment to third order in its rotation.
 
-use super::joint::Joint;
+use super::joint::{Joint, RootJoint};
 use super::potential::{Load, PointSpring};
 use super::segment::{RodCore, Segment};
 use super::sensitivity::Sensitivity;
@@ -69,6 +69,18 @@ impl<F: Real> Composite<F> {
         self.pp.add(spring.alpha, none, none, spring.u);
         self.tp = self.tp + (M3::hat(ax) - M3::outer(c, spring.u));
         self.tt.add(x.dot(ax), ax, x, c);
+    }
+
+    /// Adds what acts on point `k`, with the moments; `first` is the first point that is not held.
+    #[inline(always)]
+    fn add_point(&mut self, k: usize, load: &Load<F>, shape: &RodShape<F>, first: usize) {
+        let g = &shape.pose[k];
+        self.add(g.p, &load.springs[k - first]);
+        if let Some(moment) = load.moments.get(k - first) {
+            let turned = moment.at(&g.r);
+            self.moment = self.moment + turned.outer(&g.r);
+            self.turning = self.turning + turned.stiffness();
+        }
     }
 
     /// Σ x × f, with the moments.
@@ -206,14 +218,9 @@ pub(super) fn hessian<F: Real>(
     set_elastic(core, load, zero, hessian);
     let mut downstream = Composite::new(zero);
     let mut block = ElementBlock::new(zero);
+    let moving = core.first_moving();
     for k in (0..core.segments.len()).rev() {
-        downstream.add(shape.pose[k + 1].p, &load.springs[k]);
-        if let Some(moment) = load.moments.get(k) {
-            let r = &shape.pose[k + 1].r;
-            let turned = moment.at(r);
-            downstream.moment = downstream.moment + turned.outer(r);
-            downstream.turning = downstream.turning + turned.stiffness();
-        }
+        downstream.add_point(k + 1, load, shape, moving);
         let response = downstream.response(geometric);
         let (segment, psi) = (&core.segments[k], &shape.exponent[k].psi);
         let first = 3 * segment.element;
@@ -240,16 +247,34 @@ pub(super) fn hessian<F: Real>(
             block.clear(zero);
         }
     }
-    if core.pinned {
+    if core.joint != RootJoint::Clamped {
+        let root = &shape.pose[0];
+        let mut torque = downstream.torque();
+        if core.joint == RootJoint::Free {
+            downstream.add_point(0, load, shape, moving);
+            torque = downstream.torque() - root.p.cross(downstream.force);
+        }
         let (response, joint) = (downstream.response(geometric), Joint::new(q));
-        let torque = shape.pose[0].r.transposed(downstream.torque());
-        let turning = joint.stiffness(torque) * geometric;
+        let turning = joint.stiffness(root.r.transposed(torque)) * geometric;
         let twists = &sensitivity.total[..3];
         let responses = [response.to(&twists[0]), response.to(&twists[1]), response.to(&twists[2])];
         for a in 0..3 {
             for b in 0..=a {
                 let rigid = twists[a].dot(&responses[b]) + twists[b].dot(&responses[a]);
                 hessian[a * n + b] += rigid * zero.same(0.5) - turning.0[b].0[a];
+            }
+        }
+        if core.joint == RootJoint::Free {
+            // A displacement is upstream of a rotation.
+            for (a, moves) in sensitivity.total[3..6].iter().enumerate() {
+                let row = &mut hessian[(3 + a) * n..];
+                for (h, turned) in row.iter_mut().zip(&responses) {
+                    *h += moves.dot(turned);
+                }
+                let moved = response.to(moves);
+                for (h, other) in row[3..4 + a].iter_mut().zip(&sensitivity.total[3..6]) {
+                    *h += other.dot(&moved);
+                }
             }
         }
     }

@@ -1,10 +1,34 @@
-//! The joint of a pinned root: the rotation of the root's frame, free about all axes (`docs/theory.md` §3.6).
+//! The joint between a root and what carries it (`docs/theory.md` §3.6): the rotation of the root's frame, free about
+//! all axes, of a pinned root, and its displacement as well of a free one.
 
 use crate::math::lanes::{M3, Real, Twist, V3};
 use crate::math::se3::Coefficients;
 
-/// A pinned root has the unknowns of a node without length: the rotation vector θ of its frame, rad, in the axes
-/// of the root that carries it.
+/// How a root is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RootJoint {
+    /// Position and frame are those of what carries it.
+    Clamped,
+    /// The position is; the frame turns freely.
+    Pinned,
+    /// Nothing holds it.
+    Free,
+}
+
+impl RootJoint {
+    /// Number of its unknowns, over three: the rotation vector, then the displacement.
+    #[inline(always)]
+    pub(super) fn blocks(self) -> usize {
+        match self {
+            RootJoint::Clamped => 0,
+            RootJoint::Pinned => 1,
+            RootJoint::Free => 2,
+        }
+    }
+}
+
+/// The unknowns of a root that turns: the rotation vector θ of its frame, rad, in the axes of the root that carries
+/// it, like those of a node without length. Those of a free one are followed by its displacement, m, in the same axes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Joint<F> {
     theta: V3<F>,
@@ -31,6 +55,15 @@ impl<F: Real> Joint<F> {
         let d = (near.d * 2.0 - near.c).or(small, (a - b * 2.0) / from);
         let e = (near.e * -2.0).or(small, (b - c * 3.0) / from);
         Joint { theta, coefficients: [a, b, c], slopes: [c - b, d, e] }
+    }
+
+    /// The unit vectors of the axes of what carries the root, whose frame is `r`.
+    #[inline(always)]
+    pub fn carried_axes(&self, r: &M3<F>) -> [V3<F>; 3] {
+        let turned = self.rotation();
+        let (one, zero) = (self.theta.0[0].same(1.0), self.theta.0[0].same(0.0));
+        let row = |x, y, z| *r * turned.transposed(V3([x, y, z]));
+        [row(one, zero, zero), row(zero, one, zero), row(zero, zero, one)]
     }
 
     /// θ².

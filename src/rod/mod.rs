@@ -9,7 +9,8 @@
 //! | s, L | `nodes`, `length` | arc length | m |
 //! | Ω, Ω̄ | strain, natural strain | (κ1, κ2, τ) along d1, d2, d3 | 1/m |
 //! | q | `q[3 i + c]` | deviation Ω − Ω̄ at node i, axis c; zero at a tip without moment | 1/m |
-//! | θ | `q[..3]` of a pinned root, before the nodes | rotation vector of its frame | rad |
+//! | θ | `q[..3]` of a pinned or free root, before the nodes | rotation vector of its frame | rad |
+//! | d | `q[3..6]` of a free root | displacement from what carries it, in its axes | m |
 //! | ψ | `Twist` | Magnus exponent of one segment | rad, m |
 //! | T, S | `Twist` | world twist of everything downstream per unit of an unknown | rad·m, m² |
 //! | K | `stiffness` | (E I1, E I2, G J) | N·m² |
@@ -24,8 +25,9 @@
 //! | [`potential`], `hessian` | incremental potential Φ of one implicit step; its minimum is the new state |
 //! | [`newton`] | [`Solver`](newton::Solver): minimises Φ |
 //! | [`contact_load`] | linearisation of Φ under contact forces |
-//! | `joint` | the rotation of a pinned root |
+//! | `joint` | [`RootJoint`]: rotation and displacement of a root that is not clamped |
 //! | `held_frame` | material frames at places of a rod that are held |
+//! | `winding` | free roots that turn by more than half a turn |
 //! | [`Fit`] | unknowns at which a rod passes near given points |
 //! | [`pack`] | several rods at once, one per SIMD lane |
 
@@ -45,9 +47,11 @@ mod secants;
 mod segment;
 mod sensitivity;
 mod shape;
+mod winding;
 
 pub use fit::Fit;
 pub use held_frame::HoldingMoment;
+pub use joint::RootJoint;
 pub use lumped::LumpedSensitivity;
 pub use model::{Rod, RodSource, Taper};
 pub use segment::SegmentSize;

@@ -2,6 +2,7 @@
 
 use super::drawn::{DrawnSegment, max_turn};
 use super::hat::{hat_matrix, solve_hat};
+use super::joint::RootJoint;
 use super::segment::{GAUSS, RodCore, Segment, SegmentSize};
 use crate::math::frame::{any_frame, frame_towards};
 use crate::math::lanes::{self, V3};
@@ -12,7 +13,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// Gravity of the Earth, m/s².
 const STANDARD_GRAVITY: f64 = 9.81;
 
-/// Rate at which friction in a pinned root slows the swing of a rod at most, 1/s. It keeps a straight rod from
+/// Rate at which friction in a root that turns slows the swing of a rod at most, 1/s. It keeps a straight rod from
 /// spinning about itself, for which it has no inertia.
 const JOINT_DAMPING: f64 = 1e-6;
 
@@ -83,7 +84,7 @@ impl Taper {
     pub const NONE: Taper = Taper { stiffness: 1.0, radius: 1.0, damping: 1.0 };
 }
 
-/// A Kirchhoff rod clamped at its root: all that stays constant over a bake.
+/// A Kirchhoff rod: all that stays constant over a bake.
 #[derive(Debug, Clone)]
 pub struct Rod {
     /// Arc lengths of the strain nodes, m.
@@ -204,36 +205,42 @@ impl Rod {
             longest: segments.iter().map(|s: &Segment<f64>| s.h).fold(0.0, f64::max),
             mass: mass.iter().sum(),
             segments,
-            pinned: false,
+            joint: RootJoint::Clamped,
         };
         let damping = hat_matrix(&nodes, count, |u| profile.sigma(u) * profile.tau(u));
         Some(Rod { damping, root, arc, mass, weight, initial_q, nodes, core, profile })
     }
 
-    /// Frees the rotation of the root: the rod then turns about it, at the cost of three unknowns more. Before the
-    /// natural shape is changed.
-    pub fn pin(&mut self) {
-        let core = &mut self.core;
-        core.pinned = true;
-        core.segments.iter_mut().for_each(|segment| segment.element += 1);
-        core.hat.insert(0, [0.0; 2]);
+    /// Sets how the root of a rod that is clamped is held: the joint has unknowns of its own, three if it turns and six
+    /// if nothing holds it. Before the natural shape is changed.
+    pub fn join_root(&mut self, joint: RootJoint) {
+        let (core, blocks) = (&mut self.core, joint.blocks());
+        core.joint = joint;
+        core.segments.iter_mut().for_each(|segment| segment.element += blocks);
         // Of the rod as a stiff one, m L²/3; the moment is the stiffness times this.
         let inertia = core.mass * core.length * core.length / 3.0;
         let stiffest = core.stiffness.iter().fold(0.0_f64, |a, b| a.max(*b));
-        self.damping.insert(0, [JOINT_DAMPING * inertia / stiffest, 0.0]);
+        let friction = [[JOINT_DAMPING * inertia / stiffest, 0.0], [0.0; 2]];
+        core.hat.splice(0..0, [[0.0; 2]; 2].into_iter().take(blocks));
+        self.damping.splice(0..0, friction.into_iter().take(blocks));
         for of_unknowns in [&mut core.prebend, &mut self.initial_q] {
-            of_unknowns.splice(0..0, [0.0; 3]);
+            of_unknowns.splice(0..0, std::iter::repeat_n(0.0, 3 * blocks));
         }
     }
 
-    /// True if the root turns freely.
-    pub fn is_pinned(&self) -> bool {
-        self.core.pinned
+    /// How the root is held.
+    pub fn joint(&self) -> RootJoint {
+        self.core.joint
+    }
+
+    /// True if nothing holds the root.
+    pub fn is_free(&self) -> bool {
+        self.core.joint == RootJoint::Free
     }
 
     /// True if another rod has the same unknowns: as many nodes, and the same root.
     pub fn is_like(&self, other: &Rod) -> bool {
-        self.unknowns() == other.unknowns() && self.is_pinned() == other.is_pinned()
+        self.unknowns() == other.unknowns() && self.joint() == other.joint()
     }
 
     /// Arc length L, m.
@@ -242,8 +249,11 @@ impl Rod {
     }
 
     /// Arc length from the root, m, up to which the rod gives way less than skin does to a force across it: the
-    /// deflection of a cantilever under a force F at its end is F s³ / (3 E I).
+    /// deflection of a cantilever under a force F at its end is F s³ / (3 E I). 0 if the root is free.
     pub fn held_length(&self) -> f64 {
+        if self.is_free() {
+            return 0.0;
+        }
         let [one, two, _] = self.core.stiffness;
         (3.0 * one.max(two) * SKIN_COMPLIANCE).cbrt()
     }
@@ -255,7 +265,7 @@ impl Rod {
     }
 
     /// Number of unknowns: three per node, except at a tip that bears no moment, where there is no deviation; and
-    /// three of a pinned root.
+    /// three of a pinned root, six of a free one.
     pub fn unknowns(&self) -> usize {
         self.core.unknowns()
     }
@@ -267,7 +277,7 @@ impl Rod {
 
     /// Index of the point at node `node`.
     pub fn node_point(&self, node: usize) -> usize {
-        self.core.segments.partition_point(|segment| segment.element < node + self.core.joints())
+        self.core.segments.partition_point(|segment| segment.element < node + self.core.joint.blocks())
     }
 
     /// Arc length lumped at a node: half of both adjacent elements, m.

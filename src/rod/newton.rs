@@ -2,6 +2,7 @@
 //! (`docs/theory.md` §4.5).
 
 use super::hessian::hessian;
+use super::joint::RootJoint;
 use super::model::Rod;
 use super::potential::{Load, energy, gradient};
 use super::secants::Secants;
@@ -380,12 +381,12 @@ impl<F: Real> Solver<F> {
     #[inline(always)]
     fn max_fraction(&self, core: &RodCore<F>) -> F {
         let mut bend = core.length.same(0.0);
-        for d in self.direction.chunks_exact(3) {
+        for d in self.direction[3 * core.joint.blocks()..].chunks_exact(3) {
             bend = bend.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
         }
         let one = bend.same(1.0);
         let mut turn = bend.sqrt() * core.longest * (1.0 / MAX_TURN);
-        if core.pinned {
+        if core.joint != RootJoint::Clamped {
             let d = &self.direction[..3];
             turn = turn.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() * (1.0 / MAX_TURN));
         }

@@ -171,7 +171,7 @@ impl<F: Real> LaneRods<F> {
             length: gather(zero, |i| cores[i].length),
             longest: gather(zero, |i| cores[i].longest),
             mass: gather(zero, |i| cores[i].mass),
-            pinned: cores[0].pinned,
+            joint: cores[0].joint,
         };
         LaneRods { core, own }
     }
@@ -187,10 +187,13 @@ impl<F: Real> LaneRods<F> {
         load.hat.extend(hat);
         load.inertia = gather(zero, |i| task(i).load.inertia);
         let none = PointSpring { alpha: zero, u: V3::all(zero), target: V3::all(zero) };
+        let held = self.core.first_moving();
+        let count = self.core.points() - held;
+        load.held = held;
         load.springs.clear();
-        load.springs.resize(self.core.segments.len(), none);
+        load.springs.resize(count, none);
         for (i, own) in self.own.iter().enumerate() {
-            for (&k, spring) in own.iter().zip(&task(i).load.springs) {
+            for (k, spring) in moving(held, own).zip(&task(i).load.springs) {
                 let into = &mut load.springs[k];
                 into.alpha.set(i, spring.alpha);
                 for c in 0..3 {
@@ -211,10 +214,12 @@ impl<F: Real> LaneRods<F> {
         }
         load.moments.clear();
         if (0..F::LANES).any(|i| !task(i).load.moments.is_empty()) {
-            load.moments.resize(self.core.segments.len(), PointMoment::none(zero));
+            load.moments.resize(count, PointMoment::none(zero));
         }
         for (i, own) in self.own.iter().enumerate() {
-            for (&k, PointMoment { frame: M3([a, b, c]), moment }) in own.iter().zip(&task(i).load.moments) {
+            for (k, PointMoment { frame: M3([a, b, c]), moment }) in
+                moving(held, own).zip(&task(i).load.moments)
+            {
                 let PointMoment { frame: M3([x, y, z]), moment: sum } = &mut load.moments[k];
                 for (into, from) in [(x, a), (y, b), (z, c), (sum, moment)] {
                     (0..3).for_each(|c| into.0[c].set(i, from.0[c]));
@@ -289,6 +294,12 @@ impl<F: Real> LaneRods<F> {
             points.extend(self.own[i].iter().map(|&k| world(&shape.pose[k].p, i, root)));
         }
     }
+}
+
+/// The points of a rod with these segments of a pack that are not `held` (0 or 1, at the root), among those of the pack.
+#[inline(always)]
+fn moving(held: usize, own: &[usize]) -> impl Iterator<Item = usize> {
+    (0..1 - held).chain(own.iter().map(move |k| k + 1 - held))
 }
 
 /// The segments of one rod per lane, padded so that every element has as many segments in all lanes; and for
@@ -379,6 +390,7 @@ fn exponent_in_lane<F: Real>(exponent: &MagnusExponent<F>, i: usize) -> MagnusEx
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rod::joint::RootJoint;
     use crate::rod::model::RodSource;
     use crate::rod::potential::PointLoad;
     use crate::rod::segment::SegmentSize;
@@ -424,10 +436,11 @@ mod tests {
 
     #[test]
     fn rod_has_the_same_bits_alone_and_in_any_pack() {
-        same_bits(&hairs(12));
-        let mut pinned = hairs(12);
-        pinned.iter_mut().for_each(Rod::pin);
-        same_bits(&pinned);
+        for joint in [RootJoint::Clamped, RootJoint::Pinned, RootJoint::Free] {
+            let mut rods = hairs(12);
+            rods.iter_mut().for_each(|rod| rod.join_root(joint));
+            same_bits(&rods);
+        }
     }
 
     fn same_bits(rods: &[Rod]) {

@@ -4,7 +4,7 @@
 //! the point to a target: Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀ𝐊q − force·q, up to a constant. Animated
 //! goals add ½ Σ k (q − q̂)² over the unknowns, and moments their work over the rotation in the step (eq. 4.9).
 
-use super::joint::Joint;
+use super::joint::{Joint, RootJoint};
 use super::model::Rod;
 use super::segment::RodCore;
 use super::sensitivity::{Sensitivity, exponent_derivatives};
@@ -53,17 +53,19 @@ pub struct Load<F = f64> {
     pub(super) hat: Vec<[F; 2]>,
     /// Mass over h², N/m.
     pub(super) inertia: F,
-    /// One spring for each point but the root.
+    /// Number of points that are held: the root, unless that is free, or none.
+    pub(super) held: usize,
+    /// One spring for each point that is not held.
     pub(super) springs: Vec<PointSpring<F>>,
-    /// Force on the root point, which is not free: it enters reactions alone, N.
+    /// Force on a root point that is held: it enters reactions alone, N.
     pub(super) root_force: V3<F>,
     /// Constant generalised force, N·m².
     pub(super) force: Vec<F>,
     /// Springs on the unknowns, one for each; empty if there are none.
     pub(super) holds: Vec<StrainSpring<F>>,
-    /// Moments, one for each point but the root; empty if there are none.
+    /// Moments, one for each point that is not held; empty if there are none.
     pub(super) moments: Vec<PointMoment<F>>,
-    /// Moment on the root point, which enters reactions alone, N·m.
+    /// Moment on a root point that is held, which enters reactions alone, N·m.
     pub(super) root_moment: V3<F>,
 }
 
@@ -179,6 +181,7 @@ impl<F: Real> Load<F> {
         Load {
             hat: Vec::new(),
             inertia: zero,
+            held: 1,
             springs: Vec::new(),
             root_force: V3::all(zero),
             force: Vec::new(),
@@ -209,7 +212,8 @@ impl Load {
         core.add_elastic(&rod.damping, 1.0 / h, past, &mut self.force);
         self.holds.clear();
         self.moments.clear();
-        self.root_moment = V3::all(0.0);
+        self.held = core.first_moving();
+        (self.root_force, self.root_moment) = (V3::all(0.0), V3::all(0.0));
         self.springs.clear();
         for (k, (point, (weight, mass))) in points.zip(rod.weight.iter().zip(&rod.mass)).enumerate() {
             let (inertia, drag) = (mass / (h * h), point.drag * weight / h);
@@ -218,7 +222,7 @@ impl Load {
             let t = &point.tangent;
             let force =
                 gravity * *mass + point.inertial * inertia + advected * drag - t * (along * t.dot(&advected));
-            if k == 0 {
+            if k < self.held {
                 self.root_force = force.into();
                 continue;
             }
@@ -229,11 +233,11 @@ impl Load {
     }
 
     /// Adds a spring of `stiffness`, N/m, from point `k` to `goal` (relative to the root at the end of the
-    /// step, world axes, m). At the root it acts on the clamp alone.
+    /// step, world axes, m). At a root that is held it acts on what holds it alone.
     pub fn add_spring(&mut self, k: usize, goal: &Vector3<f64>, stiffness: f64) {
-        if k == 0 {
+        if k < self.held {
             self.root_force += V3::from(*goal) * stiffness;
-        } else if let Some(spring) = self.springs.get_mut(k - 1) {
+        } else if let Some(spring) = self.springs.get_mut(k - self.held) {
             // The new target is B⁻¹ times the force that both springs exert at the origin.
             let u = spring.u;
             let force = spring.target * spring.alpha - u * u.dot(spring.target) + V3::from(*goal) * stiffness;
@@ -248,11 +252,11 @@ impl Load {
         self.holds.extend(springs);
     }
 
-    /// Adds the constant force `f`, N, world axes, at point `k`. At the root it acts on the clamp alone.
+    /// Adds the constant force `f`, N, world axes, at point `k`. At a root that is held it acts on what holds it alone.
     pub fn add_force(&mut self, k: usize, f: &Vector3<f64>) {
-        if k == 0 {
+        if k < self.held {
             self.root_force += (*f).into();
-        } else if let Some(spring) = self.springs.get_mut(k - 1) {
+        } else if let Some(spring) = self.springs.get_mut(k - self.held) {
             // The target moves by B⁻¹ f.
             let (u, f) = (spring.u, (*f).into());
             let along = u.dot(f) / (spring.alpha - u.dot(u));
@@ -261,9 +265,10 @@ impl Load {
     }
 
     /// Adds the moment `moment`, N·m, world axes, at point `k`. It is exact where the frame of the point is
-    /// `frame`, the same for all moments there, at the end of the step. At the root it acts on the clamp alone.
+    /// `frame`, the same for all moments there, at the end of the step. At a root that is held it acts on what holds it
+    /// alone.
     pub fn add_moment(&mut self, k: usize, frame: &Matrix3<f64>, moment: &Vector3<f64>) {
-        let Some(i) = k.checked_sub(1) else {
+        let Some(i) = k.checked_sub(self.held) else {
             self.root_moment += (*moment).into();
             return;
         };
@@ -277,12 +282,12 @@ impl Load {
     /// and add nothing.
     pub fn resultant(&self, shape: &RodShape) -> [Vector3<f64>; 2] {
         let (mut force, mut moment) = (self.root_force, self.root_moment);
-        for (spring, g) in self.springs.iter().zip(&shape.pose[1..]) {
+        for (spring, g) in self.springs.iter().zip(&shape.pose[self.held..]) {
             let f = spring.force(g.p);
             force += f;
             moment += g.p.cross(f);
         }
-        for (of, g) in self.moments.iter().zip(&shape.pose[1..]) {
+        for (of, g) in self.moments.iter().zip(&shape.pose[self.held..]) {
             moment += of.at(&g.r).moment();
         }
         [force.into(), moment.into()]
@@ -300,7 +305,7 @@ pub(super) fn energy<F: Real>(
 ) -> F {
     let zero = core.length.same(0.0);
     let mut e = zero;
-    for (spring, g) in load.springs.iter().zip(&shape.pose[1..]) {
+    for (spring, g) in load.springs.iter().zip(&shape.pose[core.first_moving()..]) {
         let y = g.p - spring.target;
         let along = spring.u.dot(y);
         e += spring.alpha * y.dot(y) - along * along;
@@ -315,7 +320,7 @@ pub(super) fn energy<F: Real>(
         let off = *q - hold.target;
         e += hold.stiffness * off * off;
     }
-    for (moment, g) in load.moments.iter().zip(&shape.pose[1..]) {
+    for (moment, g) in load.moments.iter().zip(&shape.pose[core.first_moving()..]) {
         e += moment.at(&g.r).work() * -2.0;
     }
     e * 0.5
@@ -344,12 +349,13 @@ pub(super) fn gradient<F: Real>(
         *g += hold.stiffness * (*q - hold.target);
     }
     let (mut force, mut torque) = (V3::all(zero), V3::all(zero));
+    let first = core.first_moving();
     for k in (0..core.segments.len()).rev() {
         let (x, jacobian) = (shape.pose[k + 1].p, &sensitivity.jacobian[k]);
-        let f = load.springs[k].force(x);
+        let f = load.springs[k + 1 - first].force(x);
         force += f;
         torque += x.cross(f);
-        if let Some(moment) = load.moments.get(k) {
+        if let Some(moment) = load.moments.get(k + 1 - first) {
             torque += moment.at(&shape.pose[k + 1].r).moment();
         }
         let rotational = jacobian.j.transposed(torque) + jacobian.q.transposed(force);
@@ -365,8 +371,22 @@ pub(super) fn gradient<F: Real>(
             }
         }
     }
-    if core.pinned {
-        let turned = Joint::new(q).jacobian().transposed(shape.pose[0].r.transposed(torque));
+    if core.joint != RootJoint::Clamped {
+        let (root, joint) = (&shape.pose[0], Joint::new(q));
+        if core.joint == RootJoint::Free {
+            let f = load.springs[0].force(root.p);
+            force += f;
+            torque += root.p.cross(f);
+            if let Some(moment) = load.moments.first() {
+                torque += moment.at(&root.r).moment();
+            }
+            // About the root.
+            torque = torque - root.p.cross(force);
+            for (slope, axis) in gradient[3..].iter_mut().zip(joint.carried_axes(&root.r)) {
+                *slope -= axis.dot(force);
+            }
+        }
+        let turned = joint.jacobian().transposed(root.r.transposed(torque));
         for (slope, a) in gradient.iter_mut().zip(turned.0) {
             *slope -= a;
         }

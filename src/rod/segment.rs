@@ -1,5 +1,6 @@
 //! Segments of a rod's curve: the pieces over which the strain is integrated by one Magnus step each.
 
+use super::joint::RootJoint;
 use crate::math::lanes::{Real, Twist, V3};
 
 /// Gauss points of a segment, as fractions of its length: ½ ∓ √3/6.
@@ -27,8 +28,8 @@ impl SegmentSize {
 /// One Magnus step of the natural shape.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Segment<F> {
-    /// Index of the element that contains it: between nodes `element` and `element + 1`, counted with the joint of
-    /// a pinned root as the first.
+    /// Index of the element that contains it: between nodes `element` and `element + 1`, counted with the
+    /// [joint](RootJoint::blocks) of the root as the first.
     pub element: usize,
     /// Length h, m.
     pub h: F,
@@ -62,8 +63,8 @@ pub(super) struct RodCore<F> {
     pub longest: F,
     /// Mass, kg.
     pub mass: F,
-    /// True if the root turns freely: its joint has the first three unknowns.
-    pub pinned: bool,
+    /// How the root is held: its joint has the first unknowns.
+    pub joint: RootJoint,
 }
 
 impl<F: Real> RodCore<F> {
@@ -73,10 +74,10 @@ impl<F: Real> RodCore<F> {
         3 * self.hat.len()
     }
 
-    /// Number of unknowns of the joint at the root, over three.
+    /// Index of the first point that is not held: loads have one spring for each from there on.
     #[inline(always)]
-    pub fn joints(&self) -> usize {
-        usize::from(self.pinned)
+    pub fn first_moving(&self) -> usize {
+        usize::from(self.joint != RootJoint::Free)
     }
 
     /// Number of points.

@@ -1,6 +1,6 @@
 //! Exact derivatives of a rod's shape by its unknowns.
 
-use super::joint::Joint;
+use super::joint::{Joint, RootJoint};
 use super::model::Rod;
 use super::segment::{RodCore, Segment};
 use super::shape::{COMMUTATOR, RodShape, deviation};
@@ -87,10 +87,19 @@ impl<F: Real> Sensitivity<F> {
             self.total.resize(core.unknowns() + 3, none);
         }
         self.total.fill(none);
-        if core.pinned {
-            let turns = shape.pose[0].r * Joint::new(q).jacobian();
+        if core.joint != RootJoint::Clamped {
+            let (root, joint) = (&shape.pose[0], Joint::new(q));
+            let turns = root.r * joint.jacobian();
             for (total, w) in self.total.iter_mut().zip(turns.0) {
                 total.w = w;
+            }
+            if core.joint == RootJoint::Free {
+                for (total, w) in self.total.iter_mut().zip(turns.0) {
+                    total.v = root.p.cross(w);
+                }
+                for (total, v) in self.total[3..].iter_mut().zip(joint.carried_axes(&root.r)) {
+                    total.v = v;
+                }
             }
         }
         for (k, segment) in core.segments.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Forward kinematics: frames and points of a rod from its unknowns.
 
-use super::joint::Joint;
+use super::joint::{Joint, RootJoint};
 use super::model::Rod;
 use super::segment::{GAUSS, RodCore, Segment};
 use crate::math::lanes::{self, M3, Mask, Real, Twist, V3};
@@ -14,7 +14,8 @@ pub(super) const COMMUTATOR: f64 = 0.144_337_567_297_406_44;
 /// series is inaccurate long before that.
 const MAX_SEGMENT_TURN: f64 = 3.0;
 
-/// Shape of a rod: frame and position at every point, world axes, origin at the root.
+/// Shape of a rod: frame and position at every point, world axes. The origin, which all that follows calls the root, is
+/// where what carries the root has it: a free root is elsewhere.
 #[derive(Debug, Clone)]
 pub struct RodShape<F = f64> {
     pub(super) pose: Vec<lanes::Pose<F>>,
@@ -163,8 +164,11 @@ impl<F: Real> RodShape<F> {
         let zero = core.length.same(0.0);
         let mut most = zero;
         let mut g = lanes::Pose { r: root, p: V3::all(zero) };
-        if core.pinned {
+        if core.joint != RootJoint::Clamped {
             let joint = Joint::new(q);
+            if core.joint == RootJoint::Free {
+                g.p = root * V3([q[3], q[4], q[5]]);
+            }
             g.r = root * joint.rotation();
             // A joint may turn by twice as much as a segment.
             most = joint.squared_angle() * 0.25;

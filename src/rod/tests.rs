@@ -1,6 +1,7 @@
 //! Tests of the rod that involve several of its files.
 
 use super::hessian::hessian;
+use super::joint::RootJoint;
 use super::model::{Rod, RodSource, Taper, lerp_from_one};
 use super::newton::Solver;
 use super::potential::{Load, PointLoad, StrainSpring, energy, gradient};
@@ -85,7 +86,7 @@ fn load(rod: &Rod, h: f64) -> Load {
     load.set(rod, h, &Vector3::new(0.3, -9.81, 0.1), &past, points);
     let hold = |i: usize| StrainSpring { stiffness: 1e-9 * (i % 4) as f64, target: 3.0 - i as f64 };
     load.hold((0..rod.unknowns()).map(hold));
-    for k in [1, rod.points() / 2, rod.points() - 1] {
+    for k in [0, 1, rod.points() / 2, rod.points() - 1] {
         load.add_moment(k, &rod.root.r, &(wave(k, 0.7) * 1e-4));
     }
     load
@@ -189,24 +190,29 @@ fn natural_shape_is_reproduced_exactly() {
     assert!((rod.weight.iter().sum::<f64>() - rod.length()).abs() < 1e-14);
 }
 
-/// The same rod with a pinned root.
-fn pinned(mut rod: Rod) -> Rod {
-    rod.pin();
+/// The same rod with its root on a joint.
+fn joined(mut rod: Rod, joint: RootJoint) -> Rod {
+    rod.join_root(joint);
     rod
 }
 
-/// Unknowns that bend `rod` far, and turn its root.
+/// Curls with roots that are held in all ways.
+fn curls() -> [Rod; 3] {
+    [RootJoint::Clamped, RootJoint::Pinned, RootJoint::Free].map(|joint| joined(curl(), joint))
+}
+
+/// Unknowns that bend `rod` far, and turn and move its root.
 fn bent(rod: &Rod) -> Vec<f64> {
     let mut q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 6.0).collect();
-    if rod.is_pinned() {
-        q[..3].copy_from_slice(&[1.9, -1.6, 0.7]);
-    }
+    let joint = [1.9, -1.6, 0.7, 0.02, 0.03, -0.05];
+    let count = 3 * rod.joint().blocks();
+    q[..count].copy_from_slice(&joint[..count]);
     q
 }
 
 #[test]
 fn gradient_matches_differences_of_the_energy() {
-    for rod in [curl(), pinned(curl())] {
+    for rod in curls() {
         gradient_matches_differences(&rod);
     }
 }
@@ -263,13 +269,15 @@ fn hessian_matches_differences_of_the_gradient() {
     assert!(apart < 1e-7, "{apart}");
     assert!(finer < 0.1 * shared && shared < 2e-4, "{shared} {finer}");
     // The entries of a joint, in other units, are by far the largest.
-    let (shared, apart) = hessian_error(&pinned(curl_with_segments(0.001)));
-    assert!(shared < 1e-7 && apart < 1e-7, "{shared} {apart}");
+    for joint in [RootJoint::Pinned, RootJoint::Free] {
+        let (shared, apart) = hessian_error(&joined(curl_with_segments(0.001), joint));
+        assert!(shared < 1e-7 && apart < 1e-7, "{joint:?}: {shared} {apart}");
+    }
 }
 
 #[test]
 fn jacobian_rows_and_velocities_match_differences_of_positions() {
-    for rod in [curl(), pinned(curl())] {
+    for rod in curls() {
         rows_match_differences(&rod);
     }
 }
@@ -285,7 +293,7 @@ fn rows_match_differences(rod: &Rod) {
     moved.update(rod, &rod.root.r, &by(1e-5));
     let mut behind = RodShape::default();
     behind.update(rod, &rod.root.r, &by(-1e-5));
-    for k in 1..rod.points() {
+    for k in 0..rod.points() {
         let mut row = vec![0.0; q.len()];
         sens.add_row(k, &shape.x(k), &d, 2.0, &mut row);
         let slope = (moved.x(k) - behind.x(k)) / 2e-5;

@@ -83,23 +83,24 @@ fn place(groom: &mut Groom, anim: &mut Anim, file: &Path) -> Vec<Diagnostic> {
         return unbound;
     }
     let mut diagnostics = goal::bind(groom, anim, file);
-    diagnostics.extend(pinned_roots_with_goals(groom, anim, file));
+    diagnostics.extend(freed_roots_with_goals(groom, anim, file));
     diagnostics
 }
 
-/// Reports pinned roots of `anim`, read from `file`, of guides that a goal leads: it prescribes their frames.
-fn pinned_roots_with_goals(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
-    let pinned = anim.roots.iter().enumerate().filter(|(_, roots)| roots.hold == RootHold::Pinned);
+/// Reports pinned and free roots of `anim`, read from `file`, of guides that a goal leads: it prescribes their frames.
+fn freed_roots_with_goals(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
+    let freed = anim.roots.iter().enumerate().filter(|(_, roots)| roots.hold != RootHold::Clamped);
     let led = |(i, roots): (usize, &Roots)| {
         let goal = anim
             .goals
             .iter()
             .find(|goal| goal.guides.iter().any(|&guide| names(&roots.guides, groom, guide)))?;
-        let message = format!("pins roots of guides that the goal \"{}\" leads", goal.name);
+        let verb = if roots.hold == RootHold::Pinned { "pins" } else { "frees" };
+        let message = format!("{verb} roots of guides that the goal \"{}\" leads", goal.name);
         let help = "leave the guides out of one of them";
         Some(Diagnostic::new(file, format!("roots[{i}]"), message, "guides without goals", help))
     };
-    pinned.filter_map(led).collect()
+    freed.filter_map(led).collect()
 }
 
 /// Checks that the first file is no animation and the second no groom.

@@ -119,7 +119,7 @@ fn root_rotation<F: Real>(
     pack: &[Lay; MAX_LANES],
     guides: &PosedGuides,
 ) -> Option<MovingRotation<F>> {
-    let Carriers::Skin { strands, .. } = &guides.carriers else { return None };
+    let Carriers::Each { strands, .. } = &guides.carriers else { return None };
     let of = |lay: &Lay| {
         let carrier = &strands[lay.chain.strand];
         MovingRotation::new(&carrier.rotation, &carrier.spin)

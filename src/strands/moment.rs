@@ -1,6 +1,6 @@
 //! The inputs of an evaluation: guides and what carries the roots at one moment.
 
-use crate::rod::Rod;
+use crate::rod::{Rod, RodShape, Sensitivity};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// A guide at one moment.
@@ -32,8 +32,8 @@ pub struct RigidMotion {
 pub enum Carriers {
     /// The head carries all.
     Head(RigidMotion),
-    /// Each root rides on a skin.
-    Skin {
+    /// Each root has a motion of its own: it rides on a skin, or is that of a free root.
+    Each {
         /// What carries each guide.
         guides: Vec<RigidMotion>,
         /// What carries each strand.
@@ -46,15 +46,15 @@ impl Carriers {
     pub fn guide(&self, i: usize) -> &RigidMotion {
         match self {
             Carriers::Head(head) => head,
-            Carriers::Skin { guides, .. } => &guides[i],
+            Carriers::Each { guides, .. } => &guides[i],
         }
     }
 
     /// What carries strand `i`.
-    pub(super) fn strand(&self, i: usize) -> &RigidMotion {
+    pub fn strand(&self, i: usize) -> &RigidMotion {
         match self {
             Carriers::Head(head) => head,
-            Carriers::Skin { strands, .. } => &strands[i],
+            Carriers::Each { strands, .. } => &strands[i],
         }
     }
 }
@@ -70,6 +70,30 @@ impl RigidMotion {
             spin: (after.rotation * before.rotation.inverse()).scaled_axis() / (2.0 * delta),
             velocity: (after.translation.vector - before.translation.vector) / (2.0 * delta),
         }
+    }
+
+    /// No motion from this pose.
+    pub fn still(pose: &Isometry3<f64>) -> Self {
+        RigidMotion {
+            rotation: pose.rotation.to_rotation_matrix().into_inner(),
+            translation: pose.translation.vector,
+            spin: Vector3::zeros(),
+            velocity: Vector3::zeros(),
+        }
+    }
+
+    /// The motion of the free root of a guide that `carrier` takes from rest to the world.
+    pub fn of_free_root(GuideMotion { rod, q, rate }: &GuideMotion, carrier: &Isometry3<f64>) -> Self {
+        let (carried, mut shape, mut sensitivity) =
+            (RigidMotion::still(carrier), RodShape::default(), Sensitivity::default());
+        shape.update(rod, &(carried.rotation * rod.root.r), q);
+        sensitivity.update(rod, &shape, q);
+        let x = shape.x(0);
+        let (velocity, spin) = sensitivity.velocity(0, &x, rate);
+        let rotation = shape.frame(0) * rod.root.r.transpose();
+        let arm = rotation * rod.root.p;
+        let translation = carried.carry(&rod.root.p).0 + x - arm;
+        RigidMotion { rotation, translation, spin, velocity: velocity - spin.cross(&arm) }
     }
 
     /// World position, m, and velocity, m/s, of the point at `p`, m, rest space.

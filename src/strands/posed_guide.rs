@@ -6,8 +6,9 @@ use super::moment::{Carriers, GuideMotion};
 use super::moving_rotation::MovingRotation;
 use super::rest_guide::{Counterpart, RestGuide};
 use crate::math::lanes::V3;
-use crate::rod::{RodShape, Sensitivity};
+use crate::rod::{Rod, RodShape, Sensitivity};
 use nalgebra::Vector3;
+use std::borrow::Cow;
 
 /// A guide at one moment.
 #[derive(Debug)]
@@ -17,7 +18,7 @@ pub(super) struct PosedGuide {
     /// For each point, a lower bound on the distance from all bodies, m; empty if they are not looked for.
     pub clear: Vec<f64>,
     /// Rotations of its frames from rest space to world, one per point; to the rest space around its root if
-    /// that rides on a skin. Quaternions of neighbours have the same sign.
+    /// that has a motion of its own. Quaternions of neighbours have the same sign.
     pub rotations: Vec<MovingRotation<f64>>,
     /// For each point of a guide that winds, the axis ([`axis`]), in the same space, and its rate, 1/s, as
     /// one array.
@@ -47,20 +48,22 @@ impl PosedGuide {
     ) -> Self {
         let GuideMotion { rod, q, rate } = motion;
         let carrier = carriers.guide(i);
-        // Strands on skins turn with their own roots: guides tell them how they move on theirs.
+        // Strands on skins turn with their own roots, and those of a free root with that: guides tell them how they move
+        // on theirs.
         let (turn, spin, to_world) = match carriers {
             Carriers::Head(head) => (head.rotation * rod.root.r, head.spin, None),
-            Carriers::Skin { .. } => (rod.root.r, Vector3::zeros(), Some(carrier.rotation)),
+            Carriers::Each { .. } => (rod.root.r, Vector3::zeros(), Some(carrier.rotation)),
         };
-        shape.update(rod, &turn, q);
-        sensitivity.update(rod, shape, q);
+        let [q, rate] = [q, rate].map(|of| beyond_root(rod, of));
+        shape.update(rod, &turn, &q);
+        sensitivity.update(rod, shape, &q);
         let (root, _) = carrier.carry(&rod.root.p);
         let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
         let mut rotations: Vec<MovingRotation<f64>> = Vec::with_capacity(x.len());
         // Velocities relative to the root.
         let mut v = Vec::with_capacity(x.len());
         for (k, rotation) in rest.rotations(shape.poses()).enumerate() {
-            let (velocity, own) = sensitivity.velocity(k, &shape.x(k), rate);
+            let (velocity, own) = sensitivity.velocity(k, &shape.x(k), &rate);
             let rotation = MovingRotation::new(&rotation, &(spin + own));
             rotations.push(rotations.last().map_or(rotation, |last| rotation.with_sign_of(last)));
             v.push(velocity + spin.cross(&shape.x(k)));
@@ -126,6 +129,15 @@ impl PosedGuide {
     pub fn is_clear(&self, place: GuidePlace, x: &Vector3<f64>, distance: f64) -> bool {
         !self.clear.is_empty() && self.distance_bound(place, x) > distance
     }
+}
+
+/// The unknowns of `rod`, or their rates, but those of a free root: its motion is that of what carries the guide.
+fn beyond_root<'a>(rod: &Rod, of: &'a [f64]) -> Cow<'a, [f64]> {
+    let mut of = Cow::Borrowed(of);
+    if rod.is_free() && !of.is_empty() {
+        of.to_mut()[..6].fill(0.0);
+    }
+    of
 }
 
 /// A vector and its rate as one array.

@@ -93,18 +93,21 @@ fn frames_outside_the_shot_are_rejected() {
 }
 
 #[test]
-fn pinned_roots_follow_no_wisp() {
+fn pinned_and_free_roots_follow_no_wisp() {
     let scene = Scene::import();
     let read = |path: &Path| serde_json::from_slice::<Value>(&crate::common::here(path)).unwrap();
     let mut anim = read(&scene.anim);
-    anim["roots"] = json!([{ "name": "pins", "hold": "pinned" }]);
-    std::fs::write(&scene.anim, anim.to_string()).unwrap();
-    let out = scene.folder.path().join("out");
-    let assert = bake(&scene.groom, &scene.anim, &out).args(["--resolution", "coarse"]).assert().code(65);
-    let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
-    says(&text, &["settings.resolution", "coarse", "roots are pinned", "full, or auto"]);
-    assert!(!out.exists());
-    bake(&scene.groom, &scene.anim, &out).args(["--frames", "1001-1001"]).assert().success();
+    for (hold, resolution) in [("pinned", "coarse"), ("free", "adaptive")] {
+        anim["roots"] = json!([{ "name": "roots", "hold": hold }]);
+        std::fs::write(&scene.anim, anim.to_string()).unwrap();
+        let out = scene.folder.path().join(hold);
+        let assert =
+            bake(&scene.groom, &scene.anim, &out).args(["--resolution", resolution]).assert().code(65);
+        let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+        says(&text, &["settings.resolution", resolution, "roots are pinned or free", "full, or auto"]);
+        assert!(!out.exists());
+        bake(&scene.groom, &scene.anim, &out).args(["--frames", "1001-1001"]).assert().success();
+    }
 }
 
 #[test]

@@ -489,6 +489,10 @@ fn goals_that_cannot_be_followed_are_refused() {
             &["roots[0]: pins roots of guides that the goal \"hair\" leads"],
         ),
         (
+            refused(|anim| anim["roots"] = json!([{ "name": "loose", "hold": "free" }]), |_| {}),
+            &["roots[0]: frees roots of guides that the goal \"hair\" leads"],
+        ),
+        (
             refused(|anim| anim["goals"][0]["sequence"] = json!("hair.obj"), |_| {}),
             &["goals[0].sequence: \"hair.obj\" is not a numbered file name"],
         ),

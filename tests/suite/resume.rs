@@ -156,6 +156,40 @@ fn a_resumed_simulation_of_driven_and_pinned_guides_has_the_same_bits() {
 }
 
 #[test]
+fn a_resumed_simulation_with_loose_hair_has_the_same_bits() {
+    for contact in [ContactSetting::Bodies, ContactSetting::Volume, ContactSetting::Full] {
+        let folder = tempfile::tempdir().unwrap();
+        let (groom, mut anim) = scene(folder.path(), contact, false);
+        let ids = groom.guides.curves.id.iter().copied().filter(|id| id % 3 == 0).collect();
+        let guides = GuideSelection { ids: Some(ids), ..GuideSelection::default() };
+        anim.roots = vec![Roots { name: "loose".into(), guides, hold: RootHold::Free }];
+        let rods = GuideRods::new(&groom, &anim);
+        let start = |steps: i64, threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut simulation = Simulation::new(&groom, &anim, &rods);
+                while simulation.taken() < steps {
+                    simulation.step();
+                }
+                simulation
+            })
+        };
+        let (mut whole, mut resumed) = (start(40, 1), start(0, 1));
+        assert_eq!(bytes(&whole), bytes(&start(40, 3)), "{contact:?}");
+        resumed.restore(postcard::from_bytes(&bytes(&whole)).unwrap()).unwrap();
+        for i in 0..20 {
+            let (step, again) = (whole.step(), resumed.step());
+            assert_eq!(step.guides, again.guides, "{contact:?}, {i}");
+            assert_eq!(step.guides.iter().map(|r| r.unconverged).sum::<u32>(), 0, "{contact:?}, {i}");
+        }
+        assert_eq!(bytes(&whole), bytes(&resumed), "{contact:?}");
+        let fallen = |i: usize| whole.state.guides[i].x[0] - start(0, 1).state.guides[i].x[0];
+        let loose = (0..rods.simulated.len()).filter(|&i| rods.simulated[i].rod.is_free());
+        assert!(loose.clone().count() > 3 && loose.clone().any(|i| fallen(i).norm() > 1e-3), "{contact:?}");
+    }
+}
+
+#[test]
 fn threads_change_no_bit_of_wisps_that_meet_as_a_volume_or_touch_each_other() {
     for contact in [ContactSetting::Volume, ContactSetting::Full] {
         let folder = tempfile::tempdir().unwrap();

@@ -57,6 +57,8 @@ class Curves:
     """Diameters, f32, `N`, stage units."""
     arc: FloatArray = field(default_factory=lambda: np.empty(0, np.float32))
     """Arc length from the root to each point of a guide, f32, `N`, stage units; empty for strands."""
+    loose: IntArray = field(default_factory=lambda: np.empty(0, int))
+    """1 for each curve whose root nothing holds, `n`; empty if all are held."""
 
     @cached_property
     def consistent(self) -> bool:
@@ -74,6 +76,14 @@ class Curves:
         """Index of each curve's root point, `n`."""
         starts: IntArray = np.cumsum(self.counts) - self.counts
         return starts
+
+    @cached_property
+    def held(self) -> FloatArray:
+        """1 for each curve whose root is held, 0 for a loose one, `n`."""
+        held: FloatArray = np.ones(len(self.counts))
+        if self.loose.shape == self.counts.shape:
+            held[self.loose != 0] = 0
+        return held
 
     @cached_property
     def curve_of_point(self) -> IntArray:
@@ -281,13 +291,14 @@ class Cache:
     def _read_curves(self, path: str) -> Curves:
         prim = self.stage.GetPrimAtPath(path)
         curves, primvars = UsdGeom.BasisCurves(prim), UsdGeom.PrimvarsAPI(prim)
-        arc = primvars.GetPrimvar("groom_arc")
+        arc, loose = primvars.GetPrimvar("groom_arc"), primvars.GetPrimvar("groom_loose")
         return Curves(
             path=path,
             counts=array(curves.GetCurveVertexCountsAttr().Get(), int, 1),
             rest=array(primvars.GetPrimvar("rest").Get(), np.float32, 2),
             widths=array(curves.GetWidthsAttr().Get(), np.float32, 1),
             arc=array(arc.Get() if arc else None, np.float32, 1),
+            loose=array(loose.Get() if loose else None, int, 1),
         )
 
     def _collider_prims(self) -> list[Usd.Prim]:

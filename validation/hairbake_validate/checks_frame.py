@@ -48,14 +48,14 @@ EXTENT = Check(
 )
 ROOTS = Check(
     "roots",
-    "every root is at its rest point under the head transform",
+    "every root that is held is at its rest point under the head transform",
     "use the head transform that the frame was baked with, and move no roots",
     tolerances.ROOT_OFFSET_M,
     "m",
 )
 SKIN_ROOTS = Check(
     "skin_roots",
-    "every root is where its place on the skin carries it",
+    "every root that is held is where its place on the skin carries it",
     "bake these frames again with the meshes that they show, and move no roots",
     tolerances.SKIN_ROOT_OFFSET_M,
     "m",
@@ -212,7 +212,7 @@ def root_offsets(
     carried: FloatArray,
     rounding_of_carrier: FloatArray | float = 0.0,
 ) -> Finding:
-    """The root that is farthest from its rest point as it is carried.
+    """The root that is farthest from its rest point as it is carried. Those that nothing holds do not count.
 
     The rounding of both points to 32 bits, half a spacing in each coordinate, is subtracted, and that of what
     carries it.
@@ -220,7 +220,8 @@ def root_offsets(
     rest, now = curves.rest[curves.starts], points[curves.starts]
     offset = norms(now - carried[curves.starts])
     rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now)) + rounding_of_carrier
-    return worst(window, check, curves, (offset - rounding) * window.cache.metres_per_unit, per_curve=True)
+    beyond = (offset - rounding) * curves.held
+    return worst(window, check, curves, beyond * window.cache.metres_per_unit, per_curve=True)
 
 
 def segments(window: Window) -> Iterator[Finding]:

@@ -39,14 +39,14 @@ SUB_FRAMES = Check(
 )
 SUB_FRAME_ROOTS = Check(
     "sub_frame_roots",
-    "at the samples of a frame every root is at its rest point under the head transform",
+    "at the samples of a frame every held root is at its rest point under the head transform",
     "use the head transforms that the samples were baked with, and move no roots",
     tolerances.ROOT_OFFSET_M,
     "m",
 )
 SUB_FRAME_SKIN_ROOTS = Check(
     "sub_frame_skin_roots",
-    "at the samples of a frame every root is where its place on the skin carries it",
+    "at the samples of a frame every held root is where its place on the skin carries it",
     "bake these frames again with the meshes that they show, and move no roots",
     tolerances.SKIN_ROOT_OFFSET_M,
     "m",

@@ -101,7 +101,7 @@ def roots(window: Window) -> Iterator[Finding]:
         if head is None or first is None or window.reference.skins:
             continue
         now = normals[curves.starts] @ head[:3, :3].T
-        yield worst(window, ROOTS, curves, angle(first, now), per_curve=True)
+        yield worst(window, ROOTS, curves, angle(first, now) * curves.held, per_curve=True)
 
 
 def in_head(cache: Cache, frame: int, curves: Curves) -> Array | None:

@@ -132,8 +132,8 @@ impl BodyContact<'_> {
         let before = self.initial_distance(line, contact);
         let [t0, t1] = self.motions[contact.body].times;
         let (k, u) = on_rod(contact.segment, contact.u);
-        let drawn_inside = self.pushed_out && keep < 0.0;
-        let share = if drawn_inside { 1.0 } else { self.rod.arc_fraction(k, u) };
+        let whole = self.pushed_out && keep < 0.0 || self.rod.is_free();
+        let share = if whole { 1.0 } else { self.rod.arc_fraction(k, u) };
         let speed = PUSH_OUT_SPEED.min(MAX_TIP_SPEED * share);
         let pushed_out = before + speed * (t1 - t0) - keep;
         if keep < 0.0 {

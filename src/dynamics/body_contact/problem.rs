@@ -38,7 +38,7 @@ pub(in crate::dynamics) struct BodyContact<'a> {
     pub friction: [Friction; 2],
     /// Ratio of the friction across the strand to the friction along it.
     pub across: f64,
-    /// Root at the end of the step, world.
+    /// Root as it is carried at the end of the step, world.
     pub root: &'a Pose,
     pub load: &'a Load,
 }

@@ -14,13 +14,13 @@ const MAX_CARRY_RATIO: f64 = 3.0;
 
 impl BodyContact<'_> {
     /// True if no point is faster than all of [`MAX_WEDGE_SPEED`], the fastest point at the start with
-    /// gravity, and [`MAX_CARRY_RATIO`] times the root or a body. Two bodies that close on a strand would
+    /// gravity, and [`MAX_CARRY_RATIO`] times a root that is held or a body. Two bodies that close on a strand would
     /// throw it.
     pub(super) fn gains_no_speed(&self, scratch: &BodyContactScratch) -> bool {
         let Some([t0, t1]) = self.motions.first().map(|motion| motion.times) else { return true };
         let detection = &scratch.detection;
         let moved = |c: &Contact| (c.point[1] - c.point[0]).norm();
-        let root = (self.root.p - self.x0[0]).norm();
+        let root = if self.rod.is_free() { 0.0 } else { (self.root.p - self.x0[0]).norm() };
         let carried = MAX_CARRY_RATIO * detection.contacts.iter().map(moved).fold(root, f64::max);
         let most = (self.fastest.max(MAX_WEDGE_SPEED) * (t1 - t0)).max(carried);
         self.x0.iter().zip(&detection.x1).all(|(a, b)| (a - b).norm() <= most)

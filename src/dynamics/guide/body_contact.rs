@@ -90,13 +90,13 @@ impl GuideModel {
         if self.ties.iter().any(|tie| tie.frame.is_some()) {
             inputs.shape.update(&self.rod, &self.root(env, t0).r, &state.q[0]);
         }
-        let root = self.root(env, t1);
-        let mut anchor = Anchor { arc: 0.0, drawn: self.rod.root.p, x: root.p };
+        let root = (!self.rod.is_free()).then(|| self.root(env, t1));
+        let mut anchor = root.map(|root| Anchor { arc: 0.0, drawn: self.rod.root.p, x: root.p });
         inputs.ties.extend(self.holding_ties(state, t1).map(|(_, tie)| {
             let poses = [(env.carrier)(tie.body, t0), (env.carrier)(tie.body, t1)];
-            let active = tie.active(t1 - t0, &inputs.polyline, &inputs.shape, &anchor, poses);
+            let active = tie.active(t1 - t0, &inputs.polyline, &inputs.shape, anchor.as_ref(), poses);
             if !tie.slides {
-                anchor = tie.anchor(active.target);
+                anchor = Some(tie.anchor(active.target));
             }
             active
         }));
@@ -113,7 +113,7 @@ impl GuideModel {
             bodies: &env.bodies,
             motions: &inputs.motions,
             x0: &inputs.polyline,
-            root: &root,
+            root: root.as_ref(),
             at_rest: &state.clearance,
         };
         (inputs.pinched, inputs.by_part) = (false, false);
@@ -138,6 +138,9 @@ impl GuideModel {
     /// Whether a body has come so near to the root at time `t`, s, that the hair cannot keep its distance from it
     /// but by a kink, which throws the tip; or whether the skin has closed over the root.
     pub(super) fn is_swallowed(&self, env: &Environment, state: &GuideState, t: f64) -> bool {
+        if self.rod.is_free() {
+            return false;
+        }
         let root = self.root(env, t).p;
         let swallows = |(b, drawn): (usize, &f64)| {
             let local = (env.body)(b, t).inverse_transform_point(&root.into()).coords;

@@ -36,6 +36,8 @@ pub struct GuideModel {
     pub records_reaction: bool,
     /// The place of a skin that carries the root; `None` if the head does.
     pub skin: Option<RootBinding>,
+    /// Rest space to world where a free root starts; `None` if the root is held.
+    pub released: Option<Isometry3<f64>>,
 }
 
 /// A spring that pulls one point to its place in the groom's pose.
@@ -61,10 +63,11 @@ pub enum ContactMode {
 }
 
 impl GuideModel {
-    /// A guide without ties and goals, with isotropic friction, under the default time scheme. `drag` is per
-    /// point, N·s/m².
+    /// A guide without ties and goals, with isotropic friction, under the default time scheme; if its root is free, it
+    /// starts as it is drawn. `drag` is per point, N·s/m².
     pub fn new(rod: Rod, drag: Vec<f64>, friction: impl Into<Friction>) -> Self {
         GuideModel {
+            released: rod.is_free().then(Isometry3::identity),
             rod,
             scheme: Scheme::default(),
             drag,
@@ -79,12 +82,12 @@ impl GuideModel {
         }
     }
 
-    /// Rest space around the root to world at time `t`, s.
+    /// Rest space around the root to world at time `t`, s: always that of the start if the root is free.
     pub fn carrier(&self, env: &Environment, t: f64) -> Isometry3<f64> {
-        env.carried(self.skin.as_ref(), t)
+        self.released.unwrap_or_else(|| env.carried(self.skin.as_ref(), t))
     }
 
-    /// World pose of the root at time `t`, s.
+    /// World pose at which the root is carried at time `t`, s.
     pub fn root(&self, env: &Environment, t: f64) -> Pose {
         Environment::root_on(&self.carrier(env, t), &self.rod.root)
     }

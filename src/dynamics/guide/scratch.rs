@@ -73,7 +73,7 @@ pub(super) struct ContactInputs {
 /// The solved motion of a step without contact.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::dynamics) struct FreeSolve {
-    /// Root at the end of the step, world.
+    /// Root as it is carried at the end of the step, world.
     pub root: Pose,
     /// Outcome of the Newton solve.
     pub outcome: NewtonOutcome,

@@ -8,8 +8,8 @@ use crate::dynamics::environment::{Environment, SkinsAtRest};
 use crate::dynamics::integrator::{DifferenceFormula, Past};
 use crate::dynamics::reaction::GuideReaction;
 use crate::math::se3::Pose;
-use crate::rod::RodShape;
 use crate::rod::contact_load::ContactLoad;
+use crate::rod::{Rod, RodShape};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -135,7 +135,8 @@ impl GuideState {
         let start = StartPose::new(model, env, t, model.start_unknowns(t));
         let x = start.polyline(model);
         let poses = env.body_poses(t);
-        let in_bodies = GroomPose { bodies: &env.bodies, t, poses: &poses, thickness, x: &x };
+        let rooted = !model.rod.is_free();
+        let in_bodies = GroomPose { bodies: &env.bodies, t, poses: &poses, thickness, x: &x, rooted };
         // What is inside a body as it is drawn is not told by where a goal first holds it.
         let drawn = (start.q != model.rod.initial_q)
             .then(|| StartPose::new(model, env, t, model.rod.initial_q.clone()).polyline(model));
@@ -268,13 +269,34 @@ impl GuideState {
         self.transient.was_pinched = self.pinched;
     }
 
-    /// Adds the end of sub-step `k` of the `n` of a frame, from 1, to the unknowns half-way through it.
-    pub(in crate::dynamics) fn record_midway(&mut self, k: i64, n: i64) {
+    /// Adds the end of sub-step `k` of the `n` of a frame, from 1, to the unknowns half-way through it. At the end of
+    /// the frame a root of `rod` that has turned far is unwound.
+    pub(in crate::dynamics) fn record_midway(&mut self, rod: &Rod, k: i64, n: i64) {
         let GuideState { q: [now, before, _], midway, .. } = self;
         let (start, end) = (midway_weight(0, n), midway_weight(k, n));
         for ((midway, now), before) in midway.iter_mut().zip(now).zip(before) {
             let so_far = if k == 1 { start * *before } else { *midway };
             *midway = so_far + end * *now;
+        }
+        if k == n {
+            self.unwind(rod);
+        }
+    }
+
+    /// Describes the turn of a free root the other way round, in the past as well, once it is more than half a turn.
+    fn unwind(&mut self, rod: &Rod) {
+        let GuideState { q: [now, one, two], midway, history: History { previous, rates, .. }, .. } = self;
+        if !rod.unwind(now) {
+            return;
+        }
+        for q in [one, two, midway].into_iter().chain(previous.iter_mut().map(|before| &mut before.q)) {
+            rod.unwind_towards(now, q, &mut []);
+        }
+        let [first, second, _] = &*previous;
+        for (SolveRate { step, rate }, [from, to]) in
+            rates.iter_mut().zip([[&first.q, &*now], [&second.q, &first.q]])
+        {
+            (0..3).for_each(|i| rate[i] = (to[i] - from[i]) / *step);
         }
     }
 

@@ -253,6 +253,10 @@ impl GuideModel {
             reaction.moment -= moment;
             reaction.ties[tie] = TieReaction { force, moment };
         }
+        if self.rod.is_free() {
+            // What is left is what the solve is off by.
+            (reaction.force, reaction.moment) = (Vector3::zeros(), Vector3::zeros());
+        }
         state.transient.reaction = Some(reaction);
     }
 

@@ -77,6 +77,14 @@ impl Grid {
         self.table.len()
     }
 
+    /// True if a point, m, is in the box.
+    pub fn contains(&self, x: &Vector3<f64>) -> bool {
+        (0..3).all(|c| {
+            let u = x[c] / self.spacing - self.first[c] * EDGE as f64;
+            (0.5..=(self.size[c] * EDGE) as f64 - 2.0).contains(&u)
+        })
+    }
+
     /// Removes all values.
     pub fn clear(&mut self) {
         self.table.fill(ABSENT);

@@ -80,6 +80,8 @@ struct Hairs {
     shielding: f64,
     /// Drag of an isolated hair, N·s/m².
     drag: f64,
+    /// True if nothing holds their roots.
+    loose: bool,
 }
 
 /// What a checkpoint holds of a [`HairVolume`], per piece.
@@ -141,7 +143,9 @@ struct Piece {
     eta: f64,
     /// Mean unit tangent.
     tangent: Vector3<f64>,
-    /// Volume of the hairs, m³.
+    /// True if the hairs are loose and beyond what other hair can reach: they do not count, and nothing acts on them.
+    absent: bool,
+    /// Volume of the hairs, m³; 0 if they are absent.
     volume: f64,
     /// u′ of [`Assembly::energy_slope`], Pa.
     energy_slope: f64,
@@ -351,7 +355,7 @@ impl HairVolume {
         }
         let (slip, speed) = (slip.sqrt(), square_speed.sqrt());
         HairRecord {
-            softened: softened / volume,
+            softened: if volume > 0.0 { softened / volume } else { 0.0 },
             crowding_p95: fraction_p95 / self.dense,
             crowding_max: largest / self.dense,
             slip: if speed > SLOW * volume.sqrt() { slip / speed } else { 0.0 },
@@ -383,7 +387,7 @@ impl HairVolume {
 
     /// Finds the pieces of all guides as they are at time `t`, s.
     fn locate(&mut self, states: &[GuideState], env: &Environment, t: f64) {
-        let HairVolume { hairs, parts, pieces, .. } = self;
+        let HairVolume { hairs, parts, pieces, grid, .. } = self;
         let head = CarrierVelocity::of_head(env, t);
         for (piece, Part { guide, points, shares, length, .. }) in pieces.iter_mut().zip(parts) {
             let state = &states[*guide];
@@ -392,11 +396,13 @@ impl HairVolume {
             };
             let (x, v, tangent) = (mean(&state.x), mean(&state.v), mean(&state.tangent));
             let x = head.to_head(&x);
+            let absent = hairs[*guide].loose && !grid.contains(&x);
             *piece = Piece {
                 x,
                 v: head.relative_velocity_at(&x, &v),
                 tangent: head.rotate_to_head(&tangent),
-                volume: hairs[*guide].area * *length,
+                absent,
+                volume: if absent { 0.0 } else { hairs[*guide].area * *length },
                 ..Piece::default()
             };
         }
@@ -455,7 +461,7 @@ impl HairVolume {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
         let HairVolume { hairs, parts, rest, pieces, axes, stencils, grid, .. } = self;
         let constants = parts.par_iter().zip(&*rest).zip(&*stencils).zip(&*axes);
-        let all = pieces.par_iter_mut().zip(constants);
+        let all = pieces.par_iter_mut().zip(constants).filter(|(piece, _)| !piece.absent);
         all.for_each(|(piece, (((part, rest), stencil), axis))| {
             let (hairs, values) = (&hairs[part.guide], grid.values(stencil));
             let assembly = assembly(&values);
@@ -491,7 +497,8 @@ impl HairVolume {
     fn sum_wisps(&mut self) {
         let HairVolume { hairs, parts, first, history, followers, pieces, stencils, grid, .. } = self;
         let places = parts.par_iter().zip(&*stencils);
-        pieces.par_iter_mut().zip(places).for_each(|(piece, (part, stencil))| {
+        let here = pieces.par_iter_mut().zip(places).filter(|(piece, _)| !piece.absent);
+        here.for_each(|(piece, (part, stencil))| {
             // −∂/∂x of the energy Σ V u(φ), as deposited.
             let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
             let force = piece.repulsion - grid.gradient(stencil, energy);
@@ -510,8 +517,10 @@ impl HairVolume {
             }
         }
         for (piece, history) in pieces.iter_mut().zip(history) {
-            let [pressure, load] = piece.wisp.means();
-            (piece.pressure, piece.load) = (piece.pressure + pressure, piece.drag + load);
+            if !piece.absent {
+                let [pressure, load] = piece.wisp.means();
+                (piece.pressure, piece.load) = (piece.pressure + pressure, piece.drag + load);
+            }
             history.before = [piece.v, piece.before[0], piece.before[1]];
             history.unforced = piece.undragged + (piece.load - piece.acceleration) * piece.eta;
             history.eta = piece.eta;
@@ -549,6 +558,7 @@ impl Hairs {
             length_density: 1.0 / (sampling * area),
             shielding: material.shielding,
             drag: air_drag::ISOLATED_DRAG * material.drag,
+            loose: r.rod.is_free(),
         }
     }
 
@@ -574,7 +584,7 @@ fn direction(values: &Node) -> Vector3<f64> {
     Vector3::new(values[4], values[5], values[6])
 }
 
-/// The box, in head space, m, that hair cannot leave: no point is farther from its root than the guide is
+/// The box, in head space, m, that hair which is held cannot leave: no point is farther from its root than the guide is
 /// long.
 fn reach(rods: &[GuideRod]) -> [Vector3<f64>; 2] {
     let [low, high] = [1.0, -1.0].map(|sign| Vector3::repeat(sign * f64::INFINITY));

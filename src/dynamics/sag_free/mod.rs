@@ -4,7 +4,7 @@
 mod support;
 
 use crate::math::cholesky;
-use crate::rod::{Rod, RodShape, Sensitivity};
+use crate::rod::{Rod, RodShape, RootJoint, Sensitivity};
 use crate::scene::{Anim, RootBinding};
 use crate::wisp::GuideRod;
 use nalgebra::Vector3;
@@ -50,7 +50,7 @@ pub fn apply(rods: &mut [GuideRod], roots: &[RootBinding], anim: &Anim) -> SagFr
     let each = rods.par_iter_mut().filter_map(|r| {
         let (share, mu) = (r.material.sag_free, r.material.friction.mu_s);
         // No pose of a pinned guide but hanging is at rest.
-        (share > 0.0 && !r.rod.is_pinned()).then(|| {
+        (share > 0.0 && r.rod.joint() == RootJoint::Clamped).then(|| {
             let supports = surroundings.supports(&r.rod, roots.get(r.guide), mu);
             apply_to_rod(&mut r.rod, share, &anim.gravity, &supports)
         })

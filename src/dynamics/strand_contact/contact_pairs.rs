@@ -9,6 +9,7 @@ use super::contact_pair::{ContactHistory, ContactPair};
 use crate::contact::pairs::{ClosestPair, MovingStrands, SegmentContact, SegmentPair};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Displacement of a point over the rounds of a sub-step after which candidates are found again, m.
 pub(super) const MARGIN: f64 = 1e-3;
@@ -64,7 +65,7 @@ struct Impact {
 pub(super) struct ContactPairs {
     /// Bundle of each guide.
     pub bundles: Vec<BundleProperties>,
-    /// Whether each point is within [`ROOT_LENGTH`] of the root.
+    /// Whether each point is within [`ROOT_LENGTH`] of a root that is held.
     pub near_root: Vec<bool>,
     /// Arc length of each point from the root, over that within which its guide does not meet itself.
     pub half_turns: Vec<f64>,
@@ -158,16 +159,27 @@ impl ContactPairs {
         contact.reaction = to_world.inverse_transform_vector(&(n * r[0] + t1 * r[1] + t2 * r[2]));
     }
 
+    /// The range of the points of guide `g`.
+    fn points(&self, g: usize) -> Range<usize> {
+        let end = self.first.get(g + 1).map_or(self.guide.len(), |&k| k as usize);
+        self.first[g] as usize..end
+    }
+
     /// The points of guide `g` at the end of the sub-step.
     pub fn end_mut(&mut self, g: usize) -> &mut [Vector3<f64>] {
-        let end = self.first.get(g + 1).map_or(self.x[1].len(), |&k| k as usize);
-        &mut self.x[1][self.first[g] as usize..end]
+        let range = self.points(g);
+        &mut self.x[1][range]
+    }
+
+    /// Makes the root of guide `g` one that nothing holds: contact finds it as any other place.
+    pub fn free_root(&mut self, g: usize) {
+        let range = self.points(g);
+        self.near_root[range].fill(false);
     }
 
     /// Sets the end of guide `g` to its start.
     pub fn hold(&mut self, g: usize) {
-        let end = self.first.get(g + 1).map_or(self.guide.len(), |&k| k as usize);
-        let range = self.first[g] as usize..end;
+        let range = self.points(g);
         let [start, end] = &mut self.x;
         end[range.clone()].copy_from_slice(&start[range]);
     }

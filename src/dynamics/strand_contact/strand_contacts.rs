@@ -86,6 +86,7 @@ impl StrandContacts {
             }
         }
         self.pairs.rebuild(&arc, bundles);
+        self.active.iter().filter(|g| models[**g].rod.is_free()).for_each(|g| self.pairs.free_root(*g));
         self.pairs.drawn = drawn_curves(models, &self.active);
         self.pairs.x[0] = head_frame_curves(models, states, &self.active, env, t);
     }

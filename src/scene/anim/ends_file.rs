@@ -43,6 +43,9 @@ pub enum RootHold {
     Clamped,
     /// The position follows, and the frame turns freely, as in a ball joint: chains, beads, tassels.
     Pinned,
+    /// Nothing holds it: a loose hair, or one that ties alone hold. It starts at rest as it is drawn, where the head or
+    /// the skin is at the start of the pre-roll, and falls from then on.
+    Free,
 }
 
 /// Holds one point of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair drawn

@@ -62,14 +62,14 @@ impl Anim {
     pub fn resolution(&self) -> Resolution {
         match self.settings.resolution {
             // Strands that follow a wisp do not bend at their tips, and their roots are clamped.
-            Resolution::Auto if self.has_moments() || self.pins_roots() => Resolution::Full,
+            Resolution::Auto if self.has_moments() || self.frees_roots() => Resolution::Full,
             _ => self.settings.resolution(),
         }
     }
 
-    /// True if some roots are pinned.
-    pub fn pins_roots(&self) -> bool {
-        self.roots.iter().any(|roots| roots.hold == RootHold::Pinned)
+    /// True if some roots are pinned or free.
+    pub fn frees_roots(&self) -> bool {
+        self.roots.iter().any(|roots| roots.hold != RootHold::Clamped)
     }
 
     /// True if loads or ties exert moments.

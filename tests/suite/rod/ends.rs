@@ -6,7 +6,7 @@ use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
 use hairbake::dynamics::reaction::GuideReaction;
 use hairbake::dynamics::tie::Tie;
-use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize};
+use hairbake::rod::{Rod, RodShape, RodSource, RootJoint, SegmentSize};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
@@ -334,7 +334,7 @@ fn pinned(direction: Vector3<f64>, weight: f64, bending: f64) -> GuideModel {
         ..RodSource::hair(&[Vector3::zeros(), direction * LENGTH], &arc)
     })
     .unwrap();
-    rod.pin();
+    rod.join_root(RootJoint::Pinned);
     let drag = vec![0.0; rod.points()];
     GuideModel { records_reaction: true, ..GuideModel::new(rod, drag, 0.3) }
 }

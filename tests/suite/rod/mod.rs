@@ -3,6 +3,7 @@
 mod allocations;
 mod dynamics;
 mod ends;
+mod free;
 mod loads;
 mod planar;
 mod reactions;

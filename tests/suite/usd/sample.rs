@@ -85,6 +85,7 @@ fn curves(count: i32, guide: i32) -> CurveSet {
         guide: vec![guide; count as usize],
         group_name: (0..count).map(|c| ["fringe", "the back"][c as usize % 2].into()).collect(),
         root_uv: (0..count).map(|c| [c as f32 / 64.0, 1.0 - c as f32 / 50.0]).collect(),
+        loose: (0..count).map(|c| c % 2).collect(),
         closest: ClosestGuides {
             guides: (0..if guide == 0 { 3 * count } else { 0 }).map(|i| 2000 + 7 * (i % 18)).collect(),
             weights: (0..if guide == 0 { 3 * count } else { 0 })
