@@ -317,8 +317,8 @@ impl<'a> Output<'a> {
         Carriers::Each { guides: of(self.roots), strands: of(strands) }
     }
 
-    /// What carries the guides in `motion` and the `strands` that follow them at time `t`, s: the root of a guide, if it
-    /// is free.
+    /// What carries the guides in `motion` and the `strands` that follow them at time `t`, s: the root of a guide,
+    /// if it is free.
     fn strand_carriers(&self, strands: &Interpolator, motion: &[GuideMotion], t: f64) -> Carriers {
         let carriers = self.carriers(&self.strand_roots, t);
         if self.released.iter().all(Option::is_none) {

@@ -18,8 +18,8 @@
 //! Next to its root a hair is stiffer than skin, which gives way to it: there it meets no body at all
 //! ([`Clearance::hold`]).
 //!
-//! A loose strand, whose root nothing holds, does not grow out of a body: all that is inside is pushed out, to d, unless
-//! it is drawn through the body.
+//! A loose strand, whose root nothing holds, does not grow out of a body: all that is inside is pushed out, to d,
+//! unless it is drawn through the body.
 
 use crate::contact::{Bodies, BodyMotion, Contact, ContactCache, MovingPolyline, pinch};
 use nalgebra::{Isometry3, Vector3};

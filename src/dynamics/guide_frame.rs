@@ -177,8 +177,8 @@ impl MovingGuide {
     }
 }
 
-/// A bound on how far a rod turns at these rates of its unknowns, rad per unit of time: by its strains, or with a root that
-/// is free.
+/// A bound on how far a rod turns at these rates of its unknowns, rad per unit of time: by its strains, or with a
+/// root that is free.
 fn turn(rod: &Rod, rate: &[f64]) -> f64 {
     let square = |node: &[f64]| node.iter().map(|r| r * r).sum::<f64>();
     let (joint, strains) = rate.split_at(if rod.is_free() { 6 } else { 0 });
@@ -263,6 +263,8 @@ fn velocity_in_head(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rod::RootJoint;
+    use nalgebra::UnitQuaternion;
 
     const INTERVAL: f64 = 1.0 / 24.0;
 
@@ -328,6 +330,37 @@ mod tests {
             let written: Vec<_> = points(&rod, &found.q, &found.rate).iter().map(|p| p[1]).collect();
             let [written, mean] = [&written, &mean].map(|v| speed(v));
             assert!(written < 1.2 * 3.0 * mean + 0.05, "{axis} {hz} {turn}: {written} {mean}");
+        }
+    }
+
+    #[test]
+    fn a_loose_rod_that_spins_has_its_velocity_at_every_turn() {
+        let (mut rod, _) = Rod::bent_sample();
+        rod.join_root(RootJoint::Free);
+        let (spin, speed) = (Vector3::new(9.0, -20.0, 15.0), Vector3::new(1.0, 2.0, -0.5));
+        // In the axes of the root, from which the turn is counted.
+        let q = |frame: f64| {
+            let mut q = vec![0.0; rod.unknowns()];
+            let turn = UnitQuaternion::from_scaled_axis(rod.root.r.transpose() * spin * (frame * INTERVAL));
+            q[..3].copy_from_slice(turn.scaled_axis().as_slice());
+            q[3..6].copy_from_slice((rod.root.r.transpose() * speed * (frame * INTERVAL)).as_slice());
+            q
+        };
+        let (mut shape, mut sensitivity) = (RodShape::default(), Sensitivity::default());
+        for frame in 0..12 {
+            let at = |u: f64| moving(&rod, |t| q(f64::from(frame) + u + t), false).0;
+            let between = MovingGuide::between(&rod, &at(0.0), &at(1.0), 0.5, INTERVAL);
+            for (found, u) in [(at(0.0), 0.0), (between, 0.5)] {
+                assert!(shape.update(&rod, &rod.root.r, &found.q));
+                sensitivity.update(&rod, &shape, &found.q);
+                let root = speed * ((f64::from(frame) + u) * INTERVAL);
+                assert!((shape.x(0) - root).norm() < 1e-3, "{frame} {u}: {} {root}", shape.x(0));
+                for k in 0..rod.points() {
+                    let (v, _) = sensitivity.velocity(k, &shape.x(k), &found.rate);
+                    let wanted = speed + spin.cross(&(shape.x(k) - root));
+                    assert!((v - wanted).norm() < 0.1 * wanted.norm(), "{frame} {u} {k}: {v} {wanted}");
+                }
+            }
         }
     }
 

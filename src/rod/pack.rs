@@ -296,7 +296,7 @@ impl<F: Real> LaneRods<F> {
     }
 }
 
-/// The points of a rod with these segments of a pack that are not `held` (0 or 1, at the root), among those of the pack.
+/// The points of a rod with these segments of a pack, but the first `held` (0 or 1), among those of the pack.
 #[inline(always)]
 fn moving(held: usize, own: &[usize]) -> impl Iterator<Item = usize> {
     (0..1 - held).chain(own.iter().map(move |k| k + 1 - held))

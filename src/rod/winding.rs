@@ -16,8 +16,8 @@ impl Rod {
         winds
     }
 
-    /// Replaces the rotation vector among the unknowns `q` of a free root by that of the same rotation which is nearest to
-    /// that in `near`; and the rate of it in `rate`, unless that is empty.
+    /// Replaces the rotation vector among the unknowns `q` of a free root by that of the same rotation which is
+    /// nearest to that in `near`; and the rate of it in `rate`, unless that is empty.
     pub fn unwind_towards(&self, near: &[f64], q: &mut [f64], rate: &mut [f64]) {
         if !self.is_free() {
             return;

@@ -48,8 +48,8 @@ impl PosedGuide {
     ) -> Self {
         let GuideMotion { rod, q, rate } = motion;
         let carrier = carriers.guide(i);
-        // Strands on skins turn with their own roots, and those of a free root with that: guides tell them how they move
-        // on theirs.
+        // Strands on skins turn with their own roots, and those of a free root with that: guides tell them how they
+        // move on theirs.
         let (turn, spin, to_world) = match carriers {
             Carriers::Head(head) => (head.rotation * rod.root.r, head.spin, None),
             Carriers::Each { .. } => (rod.root.r, Vector3::zeros(), Some(carrier.rotation)),

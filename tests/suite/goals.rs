@@ -392,7 +392,7 @@ fn goals_that_cannot_be_followed_are_refused() {
         (FRAMES[0] - 8..=FRAMES[1] + 2).for_each(|frame| spoilt(folder, frame, GUIDES, change));
     };
     let keep = |_: &mut Value| {};
-    let cases: [(String, &[&str]); 16] = [
+    let cases: [(String, &[&str]); 17] = [
         (
             refused(keep, |f| std::fs::remove_file(goal_path(f, 1005)).unwrap()),
             &["goals[0].sequence: \"hair.####.obj\" has no file for frame 1005"],

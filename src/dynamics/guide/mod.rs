@@ -4,6 +4,7 @@
 mod body_contact;
 mod goal_pull;
 mod goal_scratch;
+mod midway;
 mod model;
 mod scratch;
 mod state;

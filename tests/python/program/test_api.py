@@ -176,6 +176,32 @@ def test_ends_are_pinned_or_clamped_twice(tmp_path: Path) -> None:
 
 
 @needs_hairbake
+def test_a_loose_strand_falls_and_one_on_two_ties_is_held_by_them(tmp_path: Path) -> None:
+    rod = Rod(length=0.1, damping=0.02).with_weight(0.01)
+    sideways = Strand(rod, straight(rod, (1, 0, 0)), HORIZONTAL)
+    ends = [{"name": f"end {i}", "ids": [1], "body": "floor", "arc_share": i} for i in (0, 1)]
+    scene = Scene(
+        [sideways, sideways],
+        frames=5,
+        preroll=0.0,
+        substeps=8,
+        fps=24.0,
+        roots=[{"name": "loose", "hold": "free"}],
+        ties=ends,
+        settings={"reactions": True},
+    )
+    cache = hairbake.open(bake_scene(scene, tmp_path))
+    assert np.array_equal(cache.guides.loose, [1, 1])
+    motion = Motion.read(cache)
+    assert motion.clamp_forces is not None and not motion.clamp_forces.any()
+    starts = np.cumsum(cache.guides.counts) - cache.guides.counts
+    first, last = (cache.guides.points(frame)[starts, 1] for frame in (cache.frames[0], cache.frames[-1]))
+    time = (cache.frames[-1] - cache.frames[0]) / 24
+    fallen = (first - last) / (GRAVITY * time**2 / 2)
+    assert np.allclose(fallen, [1, 0], atol=0.05)
+
+
+@needs_hairbake
 def test_normals_turn_with_twist(tmp_path: Path) -> None:
     turn = 2.0
     rod = Rod(length=0.1, damping=0.02, natural=(0.0, 0.0, turn / 0.1))
