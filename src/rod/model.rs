@@ -17,6 +17,10 @@ const STANDARD_GRAVITY: f64 = 9.81;
 /// spinning about itself, for which it has no inertia.
 const JOINT_DAMPING: f64 = 1e-6;
 
+/// The same of a free root of a straight rod. It is more because contact would else bring points a little nearer or
+/// farther by spinning a nearly straight rod far. It is little against the drag of the air, tens per second.
+const FREE_DAMPING: f64 = 1e-3;
+
 /// How far skin gives way to a fibre that presses on it, m/N.
 const SKIN_COMPLIANCE: f64 = 0.05;
 
@@ -220,7 +224,8 @@ impl Rod {
         // Of the rod as a stiff one, m L²/3; the moment is the stiffness times this.
         let inertia = core.mass * core.length * core.length / 3.0;
         let stiffest = core.stiffness.iter().fold(0.0_f64, |a, b| a.max(*b));
-        let friction = [[JOINT_DAMPING * inertia / stiffest, 0.0], [0.0; 2]];
+        let rate = if joint == RootJoint::Free { FREE_DAMPING } else { JOINT_DAMPING };
+        let friction = [[rate * inertia / stiffest, 0.0], [0.0; 2]];
         core.hat.splice(0..0, [[0.0; 2]; 2].into_iter().take(blocks));
         self.damping.splice(0..0, friction.into_iter().take(blocks));
         for of_unknowns in [&mut core.prebend, &mut self.initial_q] {

@@ -16,12 +16,8 @@ fn a_bake_with_loose_hair_is_valid_and_goes_on_with_the_same_bytes() {
     let options = ["--preroll", "0", "--samples", "2", "--reactions"];
     let mut of_whole = bake(&scene.groom, &scene.anim, &whole);
     of_whole.args(["--frames", "1001-1006", "--no-pictures"]).args(options).assert().success();
-    for stage in [
-        &["simulate", "--frames", "1000-1002"][..],
-        &["simulate", "--frames", "1003-1007"],
-        &["interpolate"],
-        &["assemble"],
-    ] {
+    for stage in [&["simulate", "--frames", "1000-1002"][..], &["simulate"], &["interpolate"], &["assemble"]]
+    {
         let mut command = hairbake();
         command.args(stage).args([&scene.groom, &scene.anim]).arg("-o").arg(&parts);
         command.args(["--shot", "1001-1006"]).args(options).assert().success();
