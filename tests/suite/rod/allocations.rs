@@ -16,7 +16,7 @@ fn step_of_many_rods_allocates_nothing() {
     let h = 1.0 / 25.0;
     let model = |i: u32| {
         let mut rod = hair(0.15 + 0.005 * f64::from(i), SegmentSize::COARSE);
-        if i % 3 == 0 {
+        if i.is_multiple_of(3) {
             rod.join_root(RootJoint::Free);
         }
         let drag = vec![2e-5; rod.points()];
