@@ -55,32 +55,41 @@ impl Grid {
 }
 
 impl MovingStrands<'_> {
-    /// Pairs of segments that may meet and come within `reach`, m, of each other during the sub-step, in
-    /// ascending order: those whose swept bounding boxes, grown by half of it, intersect.
+    /// Pairs of segments that may meet and come within the sum of the `reach`, m, of their strands of each other
+    /// during the sub-step, in ascending order: those whose swept bounding boxes, grown by it, intersect. Only
+    /// pairs with a strand that is `wanted`.
     ///
     /// Uses a uniform grid. A pair is reported once, by the cell of the lower corner of the boxes'
     /// intersection.
-    pub fn broad_phase(&self, reach: f64) -> Vec<SegmentPair> {
+    pub fn broad_phase(
+        &self,
+        reach: impl Fn(u32) -> f64 + Sync,
+        wanted: impl Fn(u32) -> bool + Sync,
+    ) -> Vec<SegmentPair> {
         let segments: Vec<u32> =
             (0..self.strand.len()).filter(|&k| self.is_segment(k)).map(|k| k as u32).collect();
         if segments.is_empty() {
             return Vec::new();
         }
-        let boxes: Vec<Bounds> = segments.par_iter().map(|&k| self.bounds(k as usize, 0.5 * reach)).collect();
+        let box_of = |&k: &u32| self.bounds(k as usize, reach(self.strand[k as usize]));
+        let boxes: Vec<Bounds> = segments.par_iter().map(box_of).collect();
+        let is_wanted = |i: u32| wanted(self.strand[segments[i as usize] as usize]);
         let grid = Grid::new(&boxes);
         let cells_of = |(i, b): (usize, &Bounds)| grid.cells_of(b).map(move |cell| (cell, i as u32));
         let mut entries: Vec<(u64, u32)> = boxes.par_iter().enumerate().flat_map_iter(cells_of).collect();
         entries.par_sort_unstable();
         let mut found: Vec<SegmentPair> = entries
             .par_chunk_by(|a, b| a.0 == b.0)
+            .filter(|cell| cell.iter().any(|&(_, i)| is_wanted(i)))
             .flat_map_iter(|cell| {
-                let (boxes, segments) = (&boxes, &segments);
+                let (boxes, segments, is_wanted) = (&boxes, &segments, &is_wanted);
                 cell.iter().enumerate().flat_map(move |(i, &(here, a))| {
                     cell[i + 1..].iter().filter_map(move |&(_, b)| {
                         let (k, l) = (segments[a as usize], segments[b as usize]);
                         let (p, q) = (&boxes[a as usize], &boxes[b as usize]);
                         let reported_here = || grid.cell_of(&p.min.sup(&q.min)) == here;
-                        (self.may_meet(k, l) && p.overlaps(q) && reported_here()).then_some((k, l))
+                        let may_meet = || (is_wanted(a) || is_wanted(b)) && self.may_meet(k, l);
+                        (p.overlaps(q) && may_meet() && reported_here()).then_some((k, l))
                     })
                 })
             })

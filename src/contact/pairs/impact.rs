@@ -48,6 +48,9 @@ impl MovingStrands<'_> {
     /// Conservative advancement along the direction between the closest points, as for bodies
     /// (`contact::ccd`): each end of one segment against each end of the other.
     pub fn impact(&self, closest: &ClosestPair, clearance: f64) -> Option<(SegmentContact, f64)> {
+        if self.distance_lower_bound(closest) > clearance {
+            return None;
+        }
         let pair = closest.pair;
         let start = [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)];
         let end = [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)];

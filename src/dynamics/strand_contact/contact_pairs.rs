@@ -11,8 +11,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Displacement of a point over the rounds of a sub-step after which candidates are found again, m.
-pub(super) const MARGIN: f64 = 1e-3;
+/// Displacement of a point of a guide over the rounds of a sub-step after which candidates of the guide are found
+/// again, m. At most [`REACH`], so that two guides that both move by it find each other.
+pub(super) const MARGIN: f64 = REACH;
 
 /// Arc length from the root within which guides have no contact, m: there they stand as drawn, and pushing
 /// them apart by a hair's width would fling their tips.
@@ -51,7 +52,8 @@ pub(super) struct Candidate {
 }
 
 /// An impact within the sub-step.
-struct Impact {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Impact {
     guides: [usize; 2],
     time: f64,
     contact: SegmentContact,
@@ -82,6 +84,8 @@ pub(super) struct ContactPairs {
     pub contacts: Vec<ContactPair>,
     /// Pairs that would pass through each other.
     pub crossing: Vec<SegmentPair>,
+    /// The impacts on the motion to the current ends.
+    pub impacts: Vec<Impact>,
     /// Contacts of the sub-step before, in ascending order of guides.
     pub history: Vec<ContactHistory>,
     /// Duration of the sub-step, s.
@@ -112,6 +116,7 @@ impl ContactPairs {
             candidates: Vec::new(),
             contacts: Vec::new(),
             crossing: Vec::new(),
+            impacts: Vec::new(),
             history: Vec::new(),
             duration: 0.0,
         }
@@ -159,29 +164,29 @@ impl ContactPairs {
         contact.reaction = to_world.inverse_transform_vector(&(n * r[0] + t1 * r[1] + t2 * r[2]));
     }
 
-    /// The range of the points of guide `g`.
-    fn points(&self, g: usize) -> Range<usize> {
+    /// The points of guide `g`.
+    pub fn points_of(&self, g: usize) -> Range<usize> {
         let end = self.first.get(g + 1).map_or(self.guide.len(), |&k| k as usize);
         self.first[g] as usize..end
     }
 
     /// The points of guide `g` at the end of the sub-step.
     pub fn end_mut(&mut self, g: usize) -> &mut [Vector3<f64>] {
-        let range = self.points(g);
-        &mut self.x[1][range]
+        let points = self.points_of(g);
+        &mut self.x[1][points]
     }
 
     /// Makes the root of guide `g` one that nothing holds: contact finds it as any other place.
     pub fn free_root(&mut self, g: usize) {
-        let range = self.points(g);
-        self.near_root[range].fill(false);
+        let points = self.points_of(g);
+        self.near_root[points].fill(false);
     }
 
     /// Sets the end of guide `g` to its start.
     pub fn hold(&mut self, g: usize) {
-        let range = self.points(g);
+        let points = self.points_of(g);
         let [start, end] = &mut self.x;
-        end[range.clone()].copy_from_slice(&start[range]);
+        end[points.clone()].copy_from_slice(&start[points]);
     }
 
     fn strands(&self) -> MovingStrands<'_> {
@@ -198,12 +203,12 @@ impl ContactPairs {
         self.strands().slip(&contact.contact)
     }
 
-    /// Begins a sub-step of `duration`, s: finds the contacts at its start and the impacts on the way to the
-    /// current ends.
-    pub fn begin(&mut self, duration: f64) {
+    /// Begins a sub-step of `duration`, s: finds the contacts of `wanted` guides at its start and the impacts on
+    /// the way to the current ends.
+    pub fn begin(&mut self, duration: f64, wanted: impl Fn(usize) -> bool + Sync) {
         self.duration = duration;
         self.contacts.clear();
-        self.find_candidates();
+        self.find_candidates(wanted);
         let (strands, pairs) = (self.strands(), &*self);
         let near = |Candidate { closest, required }: &Candidate| {
             let contact =
@@ -212,7 +217,7 @@ impl ContactPairs {
         };
         let near: Vec<ContactPair> = self.candidates.par_iter().filter_map(near).collect();
         self.contacts = self.without_duplicates(near);
-        self.detect();
+        self.detect(|_| true);
     }
 
     /// Keeps only the tightest of equivalent contacts: duplicates would leave the reactions between them
@@ -241,26 +246,41 @@ impl ContactPairs {
         kept.into_iter().map(|i| near[i]).collect()
     }
 
-    /// Finds the pairs that may meet within this sub-step if no point moves by more than [`MARGIN`] from the
-    /// current ends.
-    pub fn find_candidates(&mut self) {
-        let widest = self.bundles.iter().map(|s| s.hair_radius + s.bundle_radius).fold(0.0, f64::max);
-        let reach = 2.0 * widest + REACH + MARGIN;
-        let (strands, pairs) = (self.strands(), &*self);
-        let candidate = |pair: SegmentPair| {
-            let near_roots = [pair.0, pair.1].iter().all(|&k| pairs.near_root[k as usize]);
-            let closest = (!near_roots)
-                .then(|| strands.closest_pair(pair))
-                .filter(|closest| strands.distance_lower_bound(closest) < reach)?;
-            Some(Candidate { closest, required: pairs.required_distance(pair) })
-        };
-        self.candidates = strands.broad_phase(reach).into_par_iter().filter_map(candidate).collect();
+    /// Finds the pairs of `wanted` guides that may meet within this sub-step if no point moves by more than
+    /// [`MARGIN`] from the current ends.
+    pub fn find_candidates(&mut self, wanted: impl Fn(usize) -> bool + Sync) {
+        self.candidates.clear();
+        self.add_candidates(wanted);
     }
 
-    /// Detects contacts on the motion to the current ends: updates the distances of all contacts, adds new
-    /// impacts, and lists the crossing pairs.
-    pub fn detect(&mut self) {
-        let mut impacts = self.impacts();
+    /// Adds the pairs of guides that have `moved` that may meet within this sub-step if no point moves by more
+    /// than [`MARGIN`] from the current ends.
+    pub fn add_candidates(&mut self, moved: impl Fn(usize) -> bool + Sync) {
+        let (strands, pairs) = (self.strands(), &*self);
+        let reach = |g: u32| {
+            let BundleProperties { hair_radius, bundle_radius, .. } = pairs.bundles[g as usize];
+            hair_radius + bundle_radius + 0.5 * (REACH + MARGIN)
+        };
+        let candidate = |pair: SegmentPair| {
+            let near_roots = [pair.0, pair.1].iter().all(|&k| pairs.near_root[k as usize]);
+            let closest = (!near_roots).then(|| strands.closest_pair(pair))?;
+            let required = pairs.required_distance(pair);
+            let is_near = strands.distance_lower_bound(&closest) < required + REACH + MARGIN;
+            is_near.then_some(Candidate { closest, required })
+        };
+        let found = strands.broad_phase(reach, |g| moved(g as usize));
+        let found: Vec<Candidate> = found.into_par_iter().filter_map(candidate).collect();
+        self.candidates.extend(found);
+        self.candidates.par_sort_by_key(|candidate| candidate.closest.pair);
+        self.candidates.dedup_by_key(|candidate| candidate.closest.pair);
+    }
+
+    /// Detects contacts on the motion to the current ends, where guides have `moved` since the last detection:
+    /// updates the distances of all contacts, adds new impacts, and lists the crossing pairs.
+    pub fn detect(&mut self, moved: impl Fn(usize) -> bool + Sync) {
+        let mut impacts = std::mem::take(&mut self.impacts);
+        impacts.retain(|impact| !impact.guides.iter().any(|&g| moved(g)));
+        impacts.extend(self.impacts_of(moved));
         self.crossing.clear();
         self.crossing.extend(impacts.iter().filter(|h| h.crosses).map(|h| h.contact.pair));
         let [x0, x1] = &self.x;
@@ -270,11 +290,11 @@ impl ContactPairs {
         let mut known: Vec<([usize; 2], ContactPair)> =
             self.contacts.iter().map(|p| (self.guides(&p.contact), *p)).collect();
         known.sort_by_key(|(guides, _)| *guides);
-        for impacts in impacts.chunk_by(|a, b| a.guides == b.guides) {
-            let from = known.partition_point(|(guides, _)| *guides < impacts[0].guides);
-            let known = known[from..].iter().take_while(|(guides, _)| *guides == impacts[0].guides);
+        for same in impacts.chunk_by(|a, b| a.guides == b.guides) {
+            let from = known.partition_point(|(guides, _)| *guides < same[0].guides);
+            let known = known[from..].iter().take_while(|(guides, _)| *guides == same[0].guides);
             let first = self.contacts.len();
-            for impact in impacts {
+            for impact in same {
                 // An impact close after another one, or close to a violated contact, is a consequence of it.
                 // An equivalent contact that is kept while the segments cross does not prevent the crossing:
                 // nearly parallel segments pass it by.
@@ -289,12 +309,16 @@ impl ContactPairs {
                 }
             }
         }
+        self.impacts = impacts;
     }
 
-    /// The impacts of the candidates on the motion to the current ends.
-    fn impacts(&self) -> Vec<Impact> {
+    /// The impacts of the candidates of guides that have `moved`, on the motion to the current ends.
+    fn impacts_of(&self, moved: impl Fn(usize) -> bool + Sync) -> Vec<Impact> {
         let strands = self.strands();
         let impact = |Candidate { closest, required }: &Candidate| {
+            if !self.guides_of(closest.pair).iter().any(|&g| moved(g)) {
+                return None;
+            }
             let (contact, time) = strands.impact(closest, *required)?;
             let guides = self.guides(&contact);
             Some(Impact { guides, time, contact, crosses: strands.crosses(closest.pair) })
@@ -360,11 +384,16 @@ impl ContactPairs {
             reaction: p.reaction,
         });
         self.history = history.collect();
+        self.sort_history();
+        self.x.swap(0, 1);
+    }
+
+    /// Restores the order of the history.
+    pub fn sort_history(&mut self) {
         self.history.sort_by(|a, b| {
             let positions = || a.at[0].total_cmp(&b.at[0]).then(a.at[1].total_cmp(&b.at[1]));
             a.guides.cmp(&b.guides).then_with(positions)
         });
-        self.x.swap(0, 1);
     }
 
     /// Slip of a contact in the sub-step that has just ended, m.

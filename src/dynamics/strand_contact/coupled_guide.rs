@@ -1,7 +1,7 @@
 //! A guide in the coupled solve.
 
 use super::contact_pair::ContactPair;
-use super::contact_pairs::ContactPairs;
+use super::contact_pairs::{ContactPairs, MARGIN};
 use crate::dynamics::body_contact::{MAX_MOVE, rows_at};
 use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::{ContactSolve, GuideModel, GuideScratch, GuideState};
@@ -39,7 +39,7 @@ pub(super) enum EndState {
 /// A guide in the coupled solve.
 #[derive(Debug)]
 pub(super) struct CoupledGuide {
-    /// True if its uncoupled step converged; only then it can be coupled.
+    /// True if it has taken an uncoupled step that converged; only then it can be coupled.
     pub converged: bool,
     /// True if it takes part in the coupled solve.
     pub is_coupled: bool,
@@ -60,6 +60,8 @@ pub(super) struct CoupledGuide {
     pub provisional: bool,
     /// Largest displacement of its points in the last round, m.
     pub displacement: f64,
+    /// Most that its points have moved since its candidates were found, m.
+    moved: f64,
     /// Unknowns at the end of its uncoupled step, 1/m.
     uncoupled_q: Vec<f64>,
     /// Root at the end of the sub-step, world.
@@ -91,6 +93,7 @@ impl CoupledGuide {
             residual: 0.0,
             provisional: false,
             displacement: 0.0,
+            moved: 0.0,
             uncoupled_q: Vec::new(),
             root: Pose { r: Matrix3::identity(), p: Vector3::zeros() },
             scratch: GuideScratch::default(),
@@ -101,12 +104,13 @@ impl CoupledGuide {
         }
     }
 
-    /// Begins a sub-step, given the record of the uncoupled step.
-    pub fn begin(&mut self, record: &StepRecord) {
-        self.converged = record.unconverged == 0;
+    /// Begins a sub-step; whether its uncoupled step `converged`.
+    pub fn begin(&mut self, converged: bool) {
+        self.converged = converged;
         self.is_coupled = false;
         self.needs_round = false;
         (self.rounds, self.residual, self.displacement) = (0, 0.0, f64::INFINITY);
+        self.moved = 0.0;
         self.end_state = EndState::Coupled;
         self.motion_share = 1.0;
     }
@@ -197,11 +201,19 @@ impl CoupledGuide {
             of_forces.sum::<f64>() + contact.ties.work_of_moments(shape)
         };
         self.displacement = solver.advance_loaded(&model.rod, &self.root.r, load, q, work, MAX_MOVE);
+        self.moved += self.displacement;
         self.update_curve(model);
         self.find_body_contacts(model, state, env);
         self.needs_round = self.displacement > CONVERGED_DISPLACEMENT
             || self.provisional && self.residual > RESIDUAL_TOLERANCE;
         self.request_round_if(!self.clears_bodies);
+    }
+
+    /// True if it has moved so far that its candidates must be found again, which are then taken to be known.
+    pub fn has_left_its_candidates(&mut self) -> bool {
+        let far = self.moved > MARGIN;
+        self.moved = if far { 0.0 } else { self.moved };
+        far
     }
 
     /// Requests another round if a contact is violated, unless the guide has stalled.

@@ -2,8 +2,9 @@
 
 use super::contact_law::BundleProperties;
 use super::contact_pair::ContactPair;
-use super::contact_pairs::{ContactPairs, MARGIN};
+use super::contact_pairs::ContactPairs;
 use super::coupled_guide::{CoupledGuide, EndState};
+use super::given_motion::GivenMotion;
 use super::island::{DisjointSets, Island};
 use super::reactions::Reactions;
 use crate::dynamics::environment::Environment;
@@ -35,6 +36,8 @@ pub(in crate::dynamics) struct StrandContacts {
     /// Guides that others, or they themselves, pushed in the sub-step before. They are coupled from the start:
     /// uncoupled, they would fall through what supports them.
     pub(super) pushed: Vec<bool>,
+    /// Motions of guides that have taken a part of a sub-step that others take again.
+    pub(super) given: Vec<Option<GivenMotion>>,
 }
 
 impl StrandContacts {
@@ -44,6 +47,7 @@ impl StrandContacts {
             active: Vec::new(),
             guides: own_bundles.iter().map(|_| CoupledGuide::new()).collect(),
             pushed: vec![false; own_bundles.len()],
+            given: vec![None; own_bundles.len()],
             pairs: ContactPairs::new(&[], Vec::new()),
             own_bundles,
         }
@@ -96,7 +100,7 @@ impl StrandContacts {
         &self.active
     }
 
-    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each active guide has just taken
+    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each free guide has just taken
     /// uncoupled.
     pub fn resolve(
         &mut self,
@@ -109,9 +113,12 @@ impl StrandContacts {
         let head = (env.head)(t[1]).inverse();
         let to_world = head.rotation.inverse();
         self.pairs.x[1] = head_frame_curves(models, states, &self.active, env, t[1]);
-        self.pairs.begin(t[1] - t[0]);
-        self.guides.iter_mut().zip(&*records).for_each(|(guide, record)| guide.begin(record));
-        let mut displacement = 0.0;
+        self.place_given(t);
+        let StrandContacts { pairs, given, .. } = self;
+        pairs.begin(t[1] - t[0], |g| given[g].is_none());
+        for ((guide, record), given) in self.guides.iter_mut().zip(&*records).zip(&self.given) {
+            guide.begin(record.unconverged == 0 && given.is_none());
+        }
         for _ in 0..MAX_ROUNDS {
             let mut islands = self.couple_islands(models, states, env, t);
             islands.retain(|island| island.guides.iter().any(|&g| self.guides[g].needs_round));
@@ -119,12 +126,8 @@ impl StrandContacts {
                 break;
             }
             self.solve(models, states, env, &islands, &to_world);
-            displacement += self.advance(models, states, env, &islands, &head);
-            if displacement > MARGIN {
-                displacement = 0.0;
-                self.pairs.find_candidates();
-            }
-            self.detect();
+            self.advance(models, states, env, &islands, &head);
+            self.detect(&islands);
         }
         self.apply_fallbacks(models, states, env, t);
         self.record(models, states, env, records);
@@ -224,7 +227,7 @@ impl StrandContacts {
         }
     }
 
-    /// Moves the guides of the islands along their directions; returns the largest displacement, m.
+    /// Moves the guides of the islands along their directions, and finds the candidates of those that have moved far.
     fn advance(
         &mut self,
         models: &[GuideModel],
@@ -232,14 +235,16 @@ impl StrandContacts {
         env: &Environment,
         islands: &[Island],
         head: &Isometry3<f64>,
-    ) -> f64 {
+    ) {
         let to_world = head.rotation.inverse();
         let StrandContacts { guides, pairs, .. } = self;
         island_guides(guides, models, states, islands)
             .for_each(|(guide, model, state)| guide.advance(model, state, env, pairs, &to_world));
         self.update_ends(head);
-        let moved = islands.iter().flat_map(|island| &island.guides).map(|&g| self.guides[g].displacement);
-        moved.fold(0.0, f64::max)
+        let moved: Vec<bool> = self.guides.iter_mut().map(CoupledGuide::has_left_its_candidates).collect();
+        if moved.contains(&true) {
+            self.pairs.add_candidates(|g| moved[g]);
+        }
     }
 
     /// Updates the ends of the coupled guides in the contact pairs.
@@ -252,11 +257,13 @@ impl StrandContacts {
         }
     }
 
-    /// Detects contacts on the current motions, and requests another round of guides in new, violated or
-    /// crossing ones.
-    fn detect(&mut self) {
+    /// Detects contacts on the current motions after those of the guides of `islands` have changed, and requests
+    /// another round of guides in new, violated or crossing ones.
+    fn detect(&mut self, islands: &[Island]) {
         let old = self.pairs.contacts.len();
-        self.pairs.detect();
+        let mut moved = vec![false; self.guides.len()];
+        islands.iter().flat_map(|island| &island.guides).for_each(|&g| moved[g] = true);
+        self.pairs.detect(|g| moved[g]);
         for (i, pair) in self.pairs.contacts.iter().enumerate() {
             for g in self.pairs.guides(&pair.contact) {
                 self.guides[g].needs_round |= i >= old && pair.needs_round();
@@ -291,8 +298,8 @@ impl StrandContacts {
         }
         loop {
             let crossing = self.pairs.crossing.iter().flat_map(|&pair| self.pairs.guides_of(pair));
-            let crossing: BTreeSet<usize> =
-                crossing.filter(|&g| !self.guides[g].is_fully_truncated()).collect();
+            let may_be_cut = |&g: &usize| self.given[g].is_none() && !self.guides[g].is_fully_truncated();
+            let crossing: BTreeSet<usize> = crossing.filter(may_be_cut).collect();
             if crossing.is_empty() {
                 break;
             }
@@ -313,8 +320,9 @@ impl StrandContacts {
     /// Detects contacts after guides have moved by any distance.
     fn redetect(&mut self, head: &Isometry3<f64>) {
         self.update_ends(head);
-        self.pairs.find_candidates();
-        self.pairs.detect();
+        let StrandContacts { pairs, given, .. } = self;
+        pairs.find_candidates(|g| given[g].is_none());
+        pairs.detect(|_| true);
     }
 
     fn record(
@@ -328,14 +336,16 @@ impl StrandContacts {
         for (((guide, model), state), record) in guides {
             guide.record(model, state, env, record);
         }
+        // What a free guide has with one whose motion is given is its own.
+        let owner = |[a, b]: [usize; 2]| if self.given[a].is_none() { a } else { b };
         for pair in &self.pairs.contacts {
-            let record = &mut records[self.pairs.guides(&pair.contact)[0]].strands;
+            let record = &mut records[owner(self.pairs.guides(&pair.contact))].strands;
             record.found += 1;
             record.active += u32::from(pair.is_active());
             record.work += pair.force().dot(&self.pairs.slip(pair));
         }
         for &pair in &self.pairs.crossing {
-            records[self.pairs.guides_of(pair)[0]].strands.crossings += 1;
+            records[owner(self.pairs.guides_of(pair))].strands.crossings += 1;
         }
     }
 
