@@ -17,7 +17,7 @@ pub struct FrameRecord {
     pub newton_max: u32,
     /// Sub-steps that were halved.
     pub halvings: u32,
-    /// Ids of guides that halved a sub-step without all others. The moments in between are not written, so their
+    /// Ids of guides that halved a sub-step on their own. The moments in between are not written, so their
     /// written path is not exact.
     pub divided: Vec<i32>,
     /// Ids of guides with a solve that did not converge; they were carried rigidly with their roots instead.
@@ -199,8 +199,8 @@ impl FrameRecord {
             self.strand_contacts_found += r.strands.found;
             self.strand_contacts_active += r.strands.active;
         }
-        let stepped = stepped.map(|(i, r)| (i, r, r.halvings + 1 != step.common_parts));
-        for (i, r, apart) in stepped.chain(step.catch_up.iter().map(|(i, r)| (*i, r, true))) {
+        let stepped = stepped.map(|(i, r)| (i, r, !step.coupled));
+        for (i, r, alone) in stepped.chain(step.catch_up.iter().map(|(i, r)| (*i, r, true))) {
             self.solves += 1;
             // A running mean.
             self.newton_mean += (f64::from(r.iterations) - self.newton_mean) / self.solves as f64;
@@ -218,7 +218,7 @@ impl FrameRecord {
             self.strands_shortened += r.strands.uncoupled + r.strands.truncated;
             self.strand_work_j += r.strands.work;
             self.tie_slack_m = self.tie_slack_m.max(r.tie_slack);
-            if r.halvings > 0 && apart && !self.divided.contains(&ids[i]) {
+            if r.halvings > 0 && alone && !self.divided.contains(&ids[i]) {
                 self.divided.push(ids[i]);
             }
             if r.unconverged > 0 && !self.unconverged.contains(&ids[i]) {

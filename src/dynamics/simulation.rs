@@ -66,8 +66,8 @@ pub struct SubstepRecord {
     pub hair: HairRecord,
     /// Whether each guide was active.
     pub active: Vec<bool>,
-    /// Parts of the sub-step that all guides took together: 1 unless all of them halved it alike.
-    pub common_parts: u32,
+    /// True if the guides took the sub-step coupled, halving it for all of them at once.
+    pub coupled: bool,
     /// Strain nodes with unknowns of the guides that are active from now on.
     pub active_nodes: u32,
     /// Splits and merges.
@@ -151,10 +151,7 @@ fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) 
     let State { guides, strand_contacts, batches, path, record, .. } = state;
     let records = &mut record.guides[..];
     records.fill(StepRecord::default());
-    let parts = &mut record.common_parts;
-    *parts = 0;
     let mut observe = |t: f64, guides: &[GuideState]| {
-        *parts += 1;
         if writes {
             path.push(SolverStep::new(t, &model.guides, guides));
         }
@@ -278,7 +275,7 @@ impl<'a> Simulation<'a> {
         let record = SubstepRecord {
             guides: vec![StepRecord::default(); guides.len()],
             active: vec![false; guides.len()],
-            common_parts: 0,
+            coupled: full,
             ..SubstepRecord::default()
         };
         let hair_volume = rods.sampling.map(|sampling| {

@@ -287,7 +287,7 @@ struct Seen {
     splits: u32,
 }
 
-/// Simulates to `frame` with contact between guides.
+/// Simulates to `frame` with contact between guides, which hold to taking their sub-steps together.
 fn touch(groom: &Groom, anim: &Anim, frame: i32) -> Vec<Seen> {
     let rods = GuideRods::new(groom, anim);
     let mut simulation = Simulation::new(groom, anim, &rods);
@@ -299,7 +299,7 @@ fn touch(groom: &Groom, anim: &Anim, frame: i32) -> Vec<Seen> {
             records.filter(|(_, stepped)| **stepped == free).map(|(r, _)| *r).collect()
         };
         let caught_up = step.catch_up.iter().map(|(_, r)| *r).collect();
-        assert!(step.common_parts >= 1);
+        assert!(step.coupled);
         seen.push(Seen { moved: of(true), followed: of(false), caught_up, splits: step.changes.splits });
     }
     seen

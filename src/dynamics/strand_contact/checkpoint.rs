@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 /// Curves of the active guides and the history of their contacts, at the end of a sub-step.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StrandContactsState {
-    pub(super) pushed: Vec<bool>,
+    pushed: Vec<bool>,
     x: Vec<Vector3<f64>>,
-    pub(super) history: Vec<ContactHistory>,
+    history: Vec<ContactHistory>,
 }
 
 impl Checkpoint for StrandContacts {
@@ -20,7 +20,7 @@ impl Checkpoint for StrandContacts {
 
     fn state(&self) -> StrandContactsState {
         // All fields by name: a new field must be either saved or listed as derived.
-        let StrandContacts { own_bundles: _, active: _, pairs, guides: _, pushed, given: _ } = self;
+        let StrandContacts { own_bundles: _, active: _, pairs, guides: _, pushed } = self;
         let ContactPairs {
             bundles: _,
             near_root: _,

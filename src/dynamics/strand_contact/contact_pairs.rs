@@ -165,7 +165,7 @@ impl ContactPairs {
     }
 
     /// The points of guide `g`.
-    pub fn points_of(&self, g: usize) -> Range<usize> {
+    fn points_of(&self, g: usize) -> Range<usize> {
         let end = self.first.get(g + 1).map_or(self.guide.len(), |&k| k as usize);
         self.first[g] as usize..end
     }
@@ -203,12 +203,12 @@ impl ContactPairs {
         self.strands().slip(&contact.contact)
     }
 
-    /// Begins a sub-step of `duration`, s: finds the contacts of `wanted` guides at its start and the impacts on
-    /// the way to the current ends.
-    pub fn begin(&mut self, duration: f64, wanted: impl Fn(usize) -> bool + Sync) {
+    /// Begins a sub-step of `duration`, s: finds the contacts at its start and the impacts on the way to the
+    /// current ends.
+    pub fn begin(&mut self, duration: f64) {
         self.duration = duration;
         self.contacts.clear();
-        self.find_candidates(wanted);
+        self.find_candidates();
         let (strands, pairs) = (self.strands(), &*self);
         let near = |Candidate { closest, required }: &Candidate| {
             let contact =
@@ -246,11 +246,11 @@ impl ContactPairs {
         kept.into_iter().map(|i| near[i]).collect()
     }
 
-    /// Finds the pairs of `wanted` guides that may meet within this sub-step if no point moves by more than
-    /// [`MARGIN`] from the current ends.
-    pub fn find_candidates(&mut self, wanted: impl Fn(usize) -> bool + Sync) {
+    /// Finds the pairs that may meet within this sub-step if no point moves by more than [`MARGIN`] from the
+    /// current ends.
+    pub fn find_candidates(&mut self) {
         self.candidates.clear();
-        self.add_candidates(wanted);
+        self.add_candidates(|_| true);
     }
 
     /// Adds the pairs of guides that have `moved` that may meet within this sub-step if no point moves by more
@@ -384,16 +384,11 @@ impl ContactPairs {
             reaction: p.reaction,
         });
         self.history = history.collect();
-        self.sort_history();
-        self.x.swap(0, 1);
-    }
-
-    /// Restores the order of the history.
-    pub fn sort_history(&mut self) {
         self.history.sort_by(|a, b| {
             let positions = || a.at[0].total_cmp(&b.at[0]).then(a.at[1].total_cmp(&b.at[1]));
             a.guides.cmp(&b.guides).then_with(positions)
         });
+        self.x.swap(0, 1);
     }
 
     /// Slip of a contact in the sub-step that has just ended, m.

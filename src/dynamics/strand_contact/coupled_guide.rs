@@ -39,7 +39,7 @@ pub(super) enum EndState {
 /// A guide in the coupled solve.
 #[derive(Debug)]
 pub(super) struct CoupledGuide {
-    /// True if it has taken an uncoupled step that converged; only then it can be coupled.
+    /// True if its uncoupled step converged; only then it can be coupled.
     pub converged: bool,
     /// True if it takes part in the coupled solve.
     pub is_coupled: bool,
@@ -104,9 +104,9 @@ impl CoupledGuide {
         }
     }
 
-    /// Begins a sub-step; whether its uncoupled step `converged`.
-    pub fn begin(&mut self, converged: bool) {
-        self.converged = converged;
+    /// Begins a sub-step, given the record of the uncoupled step.
+    pub fn begin(&mut self, record: &StepRecord) {
+        self.converged = record.unconverged == 0;
         self.is_coupled = false;
         self.needs_round = false;
         (self.rounds, self.residual, self.displacement) = (0, 0.0, f64::INFINITY);

@@ -10,7 +10,6 @@ mod contact_law;
 mod contact_pair;
 mod contact_pairs;
 mod coupled_guide;
-mod given_motion;
 mod island;
 mod reactions;
 mod strand_contacts;

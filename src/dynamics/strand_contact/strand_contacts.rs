@@ -4,7 +4,6 @@ use super::contact_law::BundleProperties;
 use super::contact_pair::ContactPair;
 use super::contact_pairs::ContactPairs;
 use super::coupled_guide::{CoupledGuide, EndState};
-use super::given_motion::GivenMotion;
 use super::island::{DisjointSets, Island};
 use super::reactions::Reactions;
 use crate::dynamics::environment::Environment;
@@ -36,8 +35,6 @@ pub(in crate::dynamics) struct StrandContacts {
     /// Guides that others, or they themselves, pushed in the sub-step before. They are coupled from the start:
     /// uncoupled, they would fall through what supports them.
     pub(super) pushed: Vec<bool>,
-    /// Motions of guides that have taken a part of a sub-step that others take again.
-    pub(super) given: Vec<Option<GivenMotion>>,
 }
 
 impl StrandContacts {
@@ -47,7 +44,6 @@ impl StrandContacts {
             active: Vec::new(),
             guides: own_bundles.iter().map(|_| CoupledGuide::new()).collect(),
             pushed: vec![false; own_bundles.len()],
-            given: vec![None; own_bundles.len()],
             pairs: ContactPairs::new(&[], Vec::new()),
             own_bundles,
         }
@@ -100,7 +96,7 @@ impl StrandContacts {
         &self.active
     }
 
-    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each free guide has just taken
+    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each active guide has just taken
     /// uncoupled.
     pub fn resolve(
         &mut self,
@@ -113,12 +109,8 @@ impl StrandContacts {
         let head = (env.head)(t[1]).inverse();
         let to_world = head.rotation.inverse();
         self.pairs.x[1] = head_frame_curves(models, states, &self.active, env, t[1]);
-        self.place_given(t);
-        let StrandContacts { pairs, given, .. } = self;
-        pairs.begin(t[1] - t[0], |g| given[g].is_none());
-        for ((guide, record), given) in self.guides.iter_mut().zip(&*records).zip(&self.given) {
-            guide.begin(record.unconverged == 0 && given.is_none());
-        }
+        self.pairs.begin(t[1] - t[0]);
+        self.guides.iter_mut().zip(&*records).for_each(|(guide, record)| guide.begin(record));
         for _ in 0..MAX_ROUNDS {
             let mut islands = self.couple_islands(models, states, env, t);
             islands.retain(|island| island.guides.iter().any(|&g| self.guides[g].needs_round));
@@ -298,8 +290,8 @@ impl StrandContacts {
         }
         loop {
             let crossing = self.pairs.crossing.iter().flat_map(|&pair| self.pairs.guides_of(pair));
-            let may_be_cut = |&g: &usize| self.given[g].is_none() && !self.guides[g].is_fully_truncated();
-            let crossing: BTreeSet<usize> = crossing.filter(may_be_cut).collect();
+            let crossing: BTreeSet<usize> =
+                crossing.filter(|&g| !self.guides[g].is_fully_truncated()).collect();
             if crossing.is_empty() {
                 break;
             }
@@ -320,9 +312,8 @@ impl StrandContacts {
     /// Detects contacts after guides have moved by any distance.
     fn redetect(&mut self, head: &Isometry3<f64>) {
         self.update_ends(head);
-        let StrandContacts { pairs, given, .. } = self;
-        pairs.find_candidates(|g| given[g].is_none());
-        pairs.detect(|_| true);
+        self.pairs.find_candidates();
+        self.pairs.detect(|_| true);
     }
 
     fn record(
@@ -336,16 +327,14 @@ impl StrandContacts {
         for (((guide, model), state), record) in guides {
             guide.record(model, state, env, record);
         }
-        // What a free guide has with one whose motion is given is its own.
-        let owner = |[a, b]: [usize; 2]| if self.given[a].is_none() { a } else { b };
         for pair in &self.pairs.contacts {
-            let record = &mut records[owner(self.pairs.guides(&pair.contact))].strands;
+            let record = &mut records[self.pairs.guides(&pair.contact)[0]].strands;
             record.found += 1;
             record.active += u32::from(pair.is_active());
             record.work += pair.force().dot(&self.pairs.slip(pair));
         }
         for &pair in &self.pairs.crossing {
-            records[owner(self.pairs.guides_of(pair))].strands.crossings += 1;
+            records[self.pairs.guides_of(pair)[0]].strands.crossings += 1;
         }
     }
 
