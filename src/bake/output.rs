@@ -23,8 +23,8 @@ use std::borrow::Cow;
 pub struct Output<'a> {
     anim: &'a Anim,
     rods: Vec<&'a Rod>,
-    /// What carries the guides whose roots are free ([`GuideRods::released`]).
-    released: &'a [Option<Isometry3<f64>>],
+    /// What carries the guides whose roots are free ([`GuideRods::start_pose`]).
+    start_pose: &'a [Option<Isometry3<f64>>],
     convention: Convention,
     strands: Option<Interpolator>,
     /// Places of skins that carry the guides and the strands; empty if the head does.
@@ -55,7 +55,7 @@ impl<'a> Output<'a> {
     pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a GuideRods, base: Option<&'a BaseCache>) -> Self {
         let content = CacheContent::new(groom, anim, rods);
         let header = content.header();
-        let released = &rods.released;
+        let start_pose = &rods.start_pose;
         let CacheContent { strands, mut guide_weights, rods, .. } = content;
         let rods: Vec<&Rod> = rods.into_iter().map(|(rod, _)| rod).collect();
         let bodies = Bodies::new(anim.colliders.iter().map(Body::from));
@@ -76,7 +76,7 @@ impl<'a> Output<'a> {
         let mut output = Output {
             anim,
             rods,
-            released,
+            start_pose,
             convention: groom.convention,
             strands,
             roots: &groom.guides.curves.skin,
@@ -136,7 +136,7 @@ impl<'a> Output<'a> {
         };
         let head = around(None);
         let moving = |(i, rod): (usize, &&Rod)| {
-            let (poses, motion) = match self.released[i] {
+            let (poses, motion) = match self.start_pose[i] {
                 Some(pose) => ([pose; 5], RigidMotion::still(&pose)),
                 None => self.roots.get(i).map_or(head, |root| around(Some(root))),
             };
@@ -321,16 +321,16 @@ impl<'a> Output<'a> {
     /// if it is free.
     fn strand_carriers(&self, strands: &Interpolator, motion: &[GuideMotion], t: f64) -> Carriers {
         let carriers = self.carriers(&self.strand_roots, t);
-        if self.released.iter().all(Option::is_none) {
+        if self.start_pose.iter().all(Option::is_none) {
             return carriers;
         }
-        let guide = |(i, (guide, released)): (usize, (&GuideMotion, &Option<Isometry3<f64>>))| match released
-        {
-            Some(pose) => RigidMotion::of_free_root(guide, pose),
-            None => *carriers.guide(i),
-        };
-        let guides: Vec<RigidMotion> = motion.iter().zip(self.released).enumerate().map(guide).collect();
-        let strand = |(c, main): (usize, usize)| match self.released[main] {
+        let guide =
+            |(i, (guide, start_pose)): (usize, (&GuideMotion, &Option<Isometry3<f64>>))| match start_pose {
+                Some(pose) => RigidMotion::of_free_root(guide, pose),
+                None => *carriers.guide(i),
+            };
+        let guides: Vec<RigidMotion> = motion.iter().zip(self.start_pose).enumerate().map(guide).collect();
+        let strand = |(c, main): (usize, usize)| match self.start_pose[main] {
             Some(_) => guides[main],
             None => *carriers.strand(c),
         };
@@ -392,8 +392,8 @@ impl<'a> Output<'a> {
             .enumerate()
             .map_init(Default::default, |(shape, sensitivity): &mut (RodShape, Sensitivity), (i, motion)| {
                 let GuideMotion { rod, q, rate } = motion;
-                let released = self.released[i].map(|pose| RigidMotion::still(&pose));
-                let carrier = released.as_ref().unwrap_or_else(|| carriers.guide(i));
+                let start_pose = self.start_pose[i].map(|pose| RigidMotion::still(&pose));
+                let carrier = start_pose.as_ref().unwrap_or_else(|| carriers.guide(i));
                 shape.update(rod, &(carrier.rotation * rod.root.r), q);
                 sensitivity.update(rod, shape, q);
                 let (root, speed) = carrier.carry(&rod.root.p);

@@ -29,7 +29,7 @@ pub struct GuideRods {
     /// What the sag-free start changed.
     pub sag_free: SagFreeReport,
     /// For each guide whose root is free, what carries rest space to the world at the start of the pre-roll.
-    pub released: Vec<Option<Isometry3<f64>>>,
+    pub start_pose: Vec<Option<Isometry3<f64>>>,
     /// True for each guide that the bake needs: all guides, or those of some groups and their leaders.
     pub required: Vec<bool>,
 }
@@ -59,12 +59,12 @@ impl GuideRods {
         }
         let skin = |i: usize| groom.guides.curves.skin.get(i);
         let start = clock::time_after(anim, 0);
-        let released = |(i, r): (usize, &GuideRod)| r.rod.is_free().then(|| anim.carrier(skin(i), start));
-        let released = simulated.iter().enumerate().map(released).collect();
+        let start_pose = |(i, r): (usize, &GuideRod)| r.rod.is_free().then(|| anim.carrier(skin(i), start));
+        let start_pose = simulated.iter().enumerate().map(start_pose).collect();
         let report = sag_free::apply(&mut simulated, &groom.guides.curves.skin, anim);
         let required = vec![true; simulated.len()];
         let fine = fine.into_iter().map(|r| r.rod).collect();
-        GuideRods { sag_free: report, released, required, simulated, fine, density, sampling }
+        GuideRods { sag_free: report, start_pose, required, simulated, fine, density, sampling }
     }
 
     /// The fine rod of every guide, with the simulated one.

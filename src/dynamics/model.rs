@@ -43,12 +43,12 @@ impl<'a> Model<'a> {
     /// The model of `groom`, whose guides have the rods `rods`, moving as in `anim`.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
         let simulated = rods.required.clone();
-        let GuideRods { simulated: rods, density, released, .. } = rods;
+        let GuideRods { simulated: rods, density, start_pose, .. } = rods;
         let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, density, r)).collect();
         for (guide, skin) in guides.iter_mut().zip(&groom.guides.curves.skin) {
             guide.skin = Some(skin.clone());
         }
-        guides.iter_mut().zip(released).for_each(|(guide, released)| guide.released = *released);
+        guides.iter_mut().zip(start_pose).for_each(|(guide, start_pose)| guide.start_pose = *start_pose);
         animate(groom, anim, rods, &mut guides);
         for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
             guide.ties = ties;

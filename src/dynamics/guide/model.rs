@@ -37,7 +37,7 @@ pub struct GuideModel {
     /// The place of a skin that carries the root; `None` if the head does.
     pub skin: Option<RootBinding>,
     /// Rest space to world where a free root starts; `None` if the root is held.
-    pub released: Option<Isometry3<f64>>,
+    pub start_pose: Option<Isometry3<f64>>,
 }
 
 /// A spring that pulls one point to its place in the groom's pose.
@@ -67,7 +67,7 @@ impl GuideModel {
     /// starts as it is drawn. `drag` is per point, N·s/m².
     pub fn new(rod: Rod, drag: Vec<f64>, friction: impl Into<Friction>) -> Self {
         GuideModel {
-            released: rod.is_free().then(Isometry3::identity),
+            start_pose: rod.is_free().then(Isometry3::identity),
             rod,
             scheme: Scheme::default(),
             drag,
@@ -84,7 +84,7 @@ impl GuideModel {
 
     /// Rest space around the root to world at time `t`, s: always that of the start if the root is free.
     pub fn carrier(&self, env: &Environment, t: f64) -> Isometry3<f64> {
-        self.released.unwrap_or_else(|| env.carried(self.skin.as_ref(), t))
+        self.start_pose.unwrap_or_else(|| env.carried(self.skin.as_ref(), t))
     }
 
     /// World pose at which the root is carried at time `t`, s.

@@ -1,6 +1,7 @@
 //! Contact between guides: no crossings, by an independent check; Coulomb friction; rest; reproducible bits.
 
 mod bundles;
+mod detection;
 mod impacts;
 mod itself;
 
