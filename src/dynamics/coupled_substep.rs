@@ -4,13 +4,9 @@
 use super::batch::Batches;
 use super::checkpoint::{Checkpoint, StateMismatch};
 use super::environment::Environment;
-use super::guide::{ContactMode, GuideModel, GuideState, MAX_HALVINGS};
+use super::guide::{ContactMode, GuideModel, GuideState, MAX_HALVINGS, MAX_HALVINGS_AT_CROSSINGS};
 use super::step_record::StepRecord;
 use super::strand_contact::StrandContacts;
-
-/// Most halvings of a sub-step with a crossing: a point that moves by 0.2 m in the sub-step then moves by
-/// less than its clearance in a part.
-const MAX_HALVINGS_AT_CROSSINGS: u32 = 9;
 
 /// The guides of a simulation in one sub-step.
 pub(super) struct CoupledSubstep<'a> {

@@ -16,4 +16,4 @@ pub use model::{ContactMode, GoalSpring, GuideModel};
 pub(super) use scratch::FreeSolve;
 pub use scratch::GuideScratch;
 pub use state::GuideState;
-pub(super) use step::MAX_HALVINGS;
+pub(super) use step::{MAX_HALVINGS, MAX_HALVINGS_AT_CROSSINGS};

@@ -19,6 +19,10 @@ use nalgebra::Vector3;
 /// a motion that still crosses a surface is truncated. Both are recorded.
 pub(in crate::dynamics) const MAX_HALVINGS: u32 = 5;
 
+/// Most halvings of a sub-step with a crossing: a point that moves by 0.2 m in the sub-step then moves by
+/// less than its clearance in a part.
+pub(in crate::dynamics) const MAX_HALVINGS_AT_CROSSINGS: u32 = 9;
+
 /// Largest motion of a point, m, in a step that starts from the extrapolated state with the last contact
 /// loads: beyond it the strand soon meets other surfaces than those it touched.
 const MAX_WARM_START: f64 = 0.02;
@@ -81,7 +85,8 @@ impl GuideModel {
         scratch: &mut GuideScratch,
         record: &mut StepRecord,
     ) {
-        let last = state.stuck || depth >= MAX_HALVINGS || scratch.contact.budget().is_exhausted();
+        let spent = state.stuck || scratch.contact.budget().is_exhausted();
+        let last = spent || depth >= MAX_HALVINGS;
         // Attempts at the whole leave as much for its halves.
         let kept = if last { 0 } else { scratch.contact.budget().keep_half() };
         let mut formula = self.difference_formula(state, t1 - t0);
@@ -138,7 +143,9 @@ impl GuideModel {
             return self.step_part(None, env, state, [t0, t1], (mode, depth), scratch, record);
         }
         let coupled = mode == ContactMode::Coupled;
-        let whole = clear || coupled || depth >= MAX_HALVINGS || last && outcome.converged;
+        let crosses = scratch.contact.stats.crossed;
+        let max_halvings = if crosses { MAX_HALVINGS_AT_CROSSINGS } else { MAX_HALVINGS };
+        let whole = clear || coupled || depth >= max_halvings || spent && outcome.converged;
         if !whole {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);
