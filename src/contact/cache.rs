@@ -36,11 +36,12 @@ impl Default for SegmentBound {
 }
 
 impl SegmentBound {
-    /// The bound for a segment with these `ends` at time `t`, s, from the distance of its midpoint.
-    fn search(solid: &Solid, t: f64, ends: [Vector3<f64>; 2], reach: f64) -> Self {
+    /// The bound for a segment with these `ends` at time `t`, s, from the distance of its midpoint, which is at
+    /// most `farthest`, m.
+    fn search(solid: &Solid, t: f64, ends: [Vector3<f64>; 2], reach: f64, farthest: f64) -> Self {
         let half = 0.5 * (ends[1] - ends[0]).norm();
         // A search beyond the motion of a few steps has no use, and its cost grows with the distance.
-        let horizon = half + 8.0 * reach;
+        let horizon = (half + 8.0 * reach).min(farthest * (1.0 + 1e-9) + 1e-12);
         let middle = 0.5 * (ends[0] + ends[1]);
         let found = match solid.surface_over([t, t]) {
             // Contacts with a convex shape exist at any depth: only outside is the distance a bound.
@@ -52,12 +53,11 @@ impl SegmentBound {
         SegmentBound { ends, distance, middle: found.unwrap_or(f64::INFINITY), travel: solid.max_travel(t) }
     }
 
-    /// Whether a search for the segment with these `ends` at time `t`, s, certainly finds it within `reach`,
-    /// m, of the surface: its midpoint has come no farther from it than it and the surface have moved.
-    fn falls_short(&self, solid: &Solid, t: f64, ends: &[Vector3<f64>; 2], reach: f64) -> bool {
+    /// Upper bound on the distance of the midpoint of the segment with these `ends` at time `t`, s, from the
+    /// surface, m: it has come no farther from it than it and the surface have moved.
+    fn farthest(&self, solid: &Solid, t: f64, ends: &[Vector3<f64>; 2]) -> f64 {
         let moved = 0.5 * (ends[0] + ends[1] - self.ends[0] - self.ends[1]).norm();
-        let surface = (solid.max_travel(t) - self.travel).abs();
-        self.middle + moved + surface < reach + 0.5 * (ends[1] - ends[0]).norm()
+        self.middle + moved + (solid.max_travel(t) - self.travel).abs()
     }
 
     /// Whether the segment is certainly farther than `reach`, m, at all of `places` and on linear motions
@@ -98,6 +98,20 @@ impl ContactCache {
         }
     }
 
+    /// Whether segment `k`, in `slot`, is certainly farther than `reach`, m, from the surface on all of its way
+    /// between `times`, s, by its cached bound.
+    pub(super) fn stays_beyond(
+        &self,
+        solid: &Solid,
+        slot: usize,
+        k: usize,
+        times: [f64; 2],
+        reach: f64,
+    ) -> bool {
+        let [x0, x1] = self.segment(k);
+        self.bounds[slot].exceeds(solid, &[(times[1], x1), (times[0], x0)], reach)
+    }
+
     /// Whether the segment in `slot` is certainly farther than `reach`, m, from the surface at all of
     /// `places` (time, s, and ends, body frame) and between them: by its cached bound, or by that of one new
     /// search, unless that is known to find it near.
@@ -113,10 +127,12 @@ impl ContactCache {
             return true;
         }
         let (t, ends) = places[0];
-        if bound.falls_short(solid, t, &ends, reach) {
+        let farthest = bound.farthest(solid, t, &ends);
+        // A search would certainly find it near.
+        if farthest < reach + 0.5 * (ends[1] - ends[0]).norm() {
             return false;
         }
-        *bound = SegmentBound::search(solid, t, ends, reach);
+        *bound = SegmentBound::search(solid, t, ends, reach, farthest);
         bound.exceeds(solid, places, reach)
     }
 }
@@ -134,7 +150,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_search_that_is_left_out_would_have_found_the_segment_near(
+        fn bounds_from_before_hold(
             before in ends(), by in ends(), share in 0.0..0.1_f64, reach in 1e-4..0.01_f64
         ) {
             let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 };
@@ -142,11 +158,12 @@ mod tests {
             let after = [0, 1].map(|i| before[i] + Vector3::from(by[i]) * share);
             for shape in [Shape::Mesh(ball.tessellate()), ball] {
                 let solid = Solid::new(&shape, None);
-                let bound = SegmentBound::search(&solid, 0.0, before, reach);
-                if bound.falls_short(&solid, 0.0, &after, reach) {
-                    let found = SegmentBound::search(&solid, 0.0, after, reach);
-                    prop_assert!(!found.exceeds(&solid, &[(0.0, after)], reach));
-                }
+                let bound = SegmentBound::search(&solid, 0.0, before, reach, f64::INFINITY);
+                let farthest = bound.farthest(&solid, 0.0, &after);
+                let found = SegmentBound::search(&solid, 0.0, after, reach, f64::INFINITY);
+                prop_assert_eq!(found, SegmentBound::search(&solid, 0.0, after, reach, farthest));
+                let near = farthest < reach + 0.5 * (after[1] - after[0]).norm();
+                prop_assert!(!near || !found.exceeds(&solid, &[(0.0, after)], reach));
             }
         }
     }

@@ -37,37 +37,53 @@ impl Bodies {
     ) {
         let segments = line.x0.len().saturating_sub(1);
         cache.resize(self.len(), segments);
-        for (b, (body, motion)) in self.bodies.iter().zip(motions).enumerate() {
-            let clearances = line.clearances(b);
+        for (b, motion) in motions.iter().enumerate() {
             cache.enter(line, motion);
             for k in 0..segments {
-                let clearance = clearances[k];
-                if is_exempt(&clearance) {
-                    continue;
-                }
-                let near = reach
-                    + clearance[0].abs().max(clearance[1].abs())
-                    + if line.by_part { PART_DEPTH } else { 0.0 };
-                let [x0, x1] = cache.segment(k);
-                if cache.is_beyond(&body.solid, b * segments + k, &[(motion.times[1], x1)], near) {
-                    continue;
-                }
-                let travel = body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
-                let first = k == 0 || is_exempt(&clearances[k - 1]);
-                let by_part = line.by_part;
-                let search = Search { clearance, segment: k, first, x0, x1, near, reach, travel, by_part };
-                let emit = |found: LocalContact| out.push(found.into_world(b, body.friction, motion, line));
-                match body.solid.surface_over(motion.times) {
-                    MovingSurface::Convex(convex) => search.on_convex(convex, emit),
-                    MovingSurface::Mesh(meshes) => {
-                        cache.triangles.clear();
-                        meshes[1].triangles_in(&Bounds::around(&x1, near), &mut cache.triangles);
-                        search.on_mesh(meshes, &cache.triangles, emit);
-                    }
-                }
+                self.candidates_of([b, k], motion, line, reach, cache, out);
             }
         }
     }
+
+    /// [`Bodies::candidates`] of segment k with body b, of \[b, k\]; `cache` holds the polyline in its frame.
+    pub(super) fn candidates_of(
+        &self,
+        [b, k]: [usize; 2],
+        motion: &BodyMotion,
+        line: &MovingPolyline,
+        reach: f64,
+        cache: &mut ContactCache,
+        out: &mut Vec<Contact>,
+    ) {
+        let (body, clearances) = (&self.bodies[b], line.clearances(b));
+        let clearance = clearances[k];
+        if is_exempt(&clearance) {
+            return;
+        }
+        let near = near(&clearance, reach, line.by_part);
+        let [x0, x1] = cache.segment(k);
+        if cache.is_beyond(&body.solid, b * clearances.len() + k, &[(motion.times[1], x1)], near) {
+            return;
+        }
+        let travel = body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
+        let first = k == 0 || is_exempt(&clearances[k - 1]);
+        let by_part = line.by_part;
+        let search = Search { clearance, segment: k, first, x0, x1, near, reach, travel, by_part };
+        let emit = |found: LocalContact| out.push(found.into_world(b, body.friction, motion, line));
+        match body.solid.surface_over(motion.times) {
+            MovingSurface::Convex(convex) => search.on_convex(convex, emit),
+            MovingSurface::Mesh(meshes) => {
+                cache.triangles.clear();
+                meshes[1].triangles_in(&Bounds::around(&x1, near), &mut cache.triangles);
+                search.on_mesh(meshes, &cache.triangles, emit);
+            }
+        }
+    }
+}
+
+/// Distance from a segment with this clearance, m, within which its candidates lie.
+pub(super) fn near(clearance: &[f64; 2], reach: f64, by_part: bool) -> f64 {
+    reach + clearance[0].abs().max(clearance[1].abs()) + if by_part { PART_DEPTH } else { 0.0 }
 }
 
 /// The search for contacts of one segment with one body, in the frame of the body.

@@ -49,36 +49,49 @@ impl Bodies {
         let mut first: f64 = 1.0;
         let segments = line.x0.len().saturating_sub(1);
         cache.resize(self.len(), segments);
-        for (b, (body, motion)) in self.bodies.iter().zip(motions).enumerate() {
+        for (b, motion) in motions.iter().enumerate() {
             cache.enter(line, motion);
-            for (k, clearance) in line.clearances(b).iter().enumerate() {
-                let Some(span) = TestedSpan::new(clearance) else { continue };
-                let [x0, x1] = cache.segment(k);
-                let (places, slot) = ([(motion.times[1], x1), (motion.times[0], x0)], b * segments + k);
-                if cache.is_beyond(&body.solid, slot, &places, span.clearance) {
-                    continue;
-                }
-                let path = MovingSegment { start: span.of(x0), end: span.of(x1) };
-                let impact = match body.solid.surface_over(motion.times) {
-                    MovingSurface::Convex(convex) => path.first_on_convex(convex, span.clearance),
-                    MovingSurface::Mesh(meshes) => {
-                        cache.triangles.clear();
-                        let travel =
-                            body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
-                        let margin = (SEPARATION + TOLERANCE) * span.clearance + travel;
-                        meshes[1].triangles_in(&path.bounds(margin), &mut cache.triangles);
-                        path.first_on_mesh(meshes, &cache.triangles, span.clearance)
-                    }
-                };
-                if let Some(Impact { time, u, normal, point, feature }) = impact {
-                    let u = span.from + u * (span.to - span.from);
+            for k in 0..segments {
+                if let Some(time) = self.impact_of([b, k], motion, line, cache, out) {
                     first = first.min(time);
-                    let found = LocalContact { segment: k, u, feature, normal, point };
-                    out.push(found.into_world(b, body.friction, motion, line));
                 }
             }
         }
         first
+    }
+
+    /// [`Bodies::impacts`] of segment k with body b, of \[b, k\]; `cache` holds the polyline in its frame.
+    pub(super) fn impact_of(
+        &self,
+        [b, k]: [usize; 2],
+        motion: &BodyMotion,
+        line: &MovingPolyline,
+        cache: &mut ContactCache,
+        out: &mut Vec<Contact>,
+    ) -> Option<f64> {
+        let (body, clearances) = (&self.bodies[b], line.clearances(b));
+        let span = TestedSpan::new(&clearances[k])?;
+        let [x0, x1] = cache.segment(k);
+        let (places, slot) = ([(motion.times[1], x1), (motion.times[0], x0)], b * clearances.len() + k);
+        if cache.is_beyond(&body.solid, slot, &places, span.clearance) {
+            return None;
+        }
+        let path = MovingSegment { start: span.of(x0), end: span.of(x1) };
+        let impact = match body.solid.surface_over(motion.times) {
+            MovingSurface::Convex(convex) => path.first_on_convex(convex, span.clearance),
+            MovingSurface::Mesh(meshes) => {
+                cache.triangles.clear();
+                let travel = body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
+                let margin = (SEPARATION + TOLERANCE) * span.clearance + travel;
+                meshes[1].triangles_in(&path.bounds(margin), &mut cache.triangles);
+                path.first_on_mesh(meshes, &cache.triangles, span.clearance)
+            }
+        };
+        let Impact { time, u, normal, point, feature } = impact?;
+        let u = span.from + u * (span.to - span.from);
+        let found = LocalContact { segment: k, u, feature, normal, point };
+        out.push(found.into_world(b, body.friction, motion, line));
+        Some(time)
     }
 }
 

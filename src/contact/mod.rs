@@ -17,6 +17,7 @@ mod bodies;
 mod cache;
 mod candidates;
 mod ccd;
+mod detection;
 pub mod friction;
 pub mod pairs;
 pub mod pinch;

@@ -185,7 +185,9 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
         let frame = [first, *taken].map(|taken| model.time_after(taken));
         let hair_volume = hair_volume.as_ref();
         let hair = |i: usize| hair_volume.map_or_else(NeighbourDrag::default, |volume| volume.opposition(i));
-        wisps.advance_modes(&model.guides, hair, env, frame);
+        let none = || vec![Vec::new(); guides.len()];
+        let apart = hair_volume.map_or_else(none, |volume| volume.forces_apart(&model.guides, env, frame[1]));
+        wisps.advance_modes(&model.guides, hair, &apart, env, frame);
         for level in 0..wisps.levels() {
             let split = wisps.place_and_split(level, &model.guides, guides, env, frame);
             catch_up_split(model, env, guides, hair_volume, &split, first..*taken, catch_up);

@@ -20,4 +20,4 @@ pub use guide_rod::{GuideRod, guide_rods};
 pub use head_excitation::HeadExcitation;
 pub use hierarchy::Hierarchy;
 pub use linear_kinematics::LinearKinematics;
-pub use modal_response::{ModalRates, ModalResponse, ModeState, NeighbourDrag};
+pub use modal_response::{ForceApart, ModalRates, ModalResponse, ModeState, NeighbourDrag};

@@ -23,8 +23,23 @@ pub struct ModalResponse {
     states: Vec<ModeState>,
     deflection: Deflection,
     /// For each guide that this one would follow: the rates of its modes that those of the leader amount to,
-    /// as a matrix, times the leader's share.
+    /// as a matrix by columns, times the leader's share.
     leaders: Vec<(usize, [[f64; MODES]; MODES])>,
+    /// Arc length of the nodes but the root over that of the guide.
+    nodes: Vec<f64>,
+    /// Length of the guide, m.
+    length: f64,
+    /// States of the modes under the forces on this guide that its leaders do not have.
+    apart: Vec<ModeState>,
+}
+
+/// A force on a guide that its leaders do not have.
+#[derive(Debug, Clone, Copy)]
+pub struct ForceApart {
+    /// Arc length over that of the guide.
+    pub place: f64,
+    /// N, rest space.
+    pub force: Vector3<f64>,
 }
 
 /// What opposes the motion of a guide relative to the hair around it.
@@ -65,6 +80,29 @@ pub struct ModeState {
     rate: [f64; 2],
 }
 
+impl Mode {
+    /// Takes one BDF2 step of `h`, s, under the force `f`, where `hair` opposes a rate other than `led`.
+    fn step(&self, state: &mut ModeState, f: f64, h: f64, hair: &NeighbourDrag, led: f64) {
+        let eta = 2.0 / 3.0 * h;
+        let past = |now: f64, before: f64| (4.0 * now - before) / 3.0;
+        let ([z, before, _], [rate, rate_before]) = (state.z, state.rate);
+        let (from, rate_from) = (past(z, before), past(rate, rate_before));
+        let inertia = 1.0 + eta * (self.damping + eta * self.stiffness);
+        let mut next = (rate_from + eta * (f - self.stiffness * from)) / inertia;
+        if hair.friction + hair.air > 0.0 {
+            let pull = inertia * (next - led);
+            let slips = (pull.abs() - eta * hair.friction * self.grip).max(0.0);
+            next = led + slips.copysign(pull) / (inertia + eta * hair.air);
+        }
+        *state = ModeState { z: [from + eta * next, z, before], rate: [next, rate] };
+    }
+
+    /// Displacement of a node, the root not counted, at z = 1, over the length of the guide.
+    fn displacement_of(&self, node: usize) -> Vector3<f64> {
+        Vector3::from_column_slice(&self.displacement[3 * node..][..3])
+    }
+}
+
 impl ModalResponse {
     /// Of `rod` at rest at unknowns `q`, 1/m, where its kinematics are `kinematics`, with drag coefficients
     /// `drag` at its points, N·s/m², under `gravity`, m/s², rest space.
@@ -78,7 +116,15 @@ impl ModalResponse {
         let pendulum = gravity.norm() / rod.length();
         let modes = modes(&LinearModel::new(rod, q, drag, gravity), pendulum, kinematics).unwrap_or_default();
         let states = vec![ModeState::default(); modes.len()];
-        ModalResponse { states, modes, deflection: Deflection::zeros(q.len()), leaders: Vec::new() }
+        ModalResponse {
+            apart: states.clone(),
+            states,
+            modes,
+            deflection: Deflection::zeros(q.len()),
+            leaders: Vec::new(),
+            nodes: rod.nodes[1..].iter().map(|s| s / rod.length()).collect(),
+            length: rod.length(),
+        }
     }
 
     /// Sets the guides that this one would follow: the index of each, its share and its response.
@@ -97,7 +143,7 @@ impl ModalResponse {
             for (j, mode) in response.modes.iter().enumerate() {
                 let mut column: Vec<f64> = self.modes.iter().map(|own| product(own, mode) * share).collect();
                 cholesky::solve(&gram, n, &mut column);
-                column.iter().enumerate().for_each(|(k, c)| matrix[k][j] = *c);
+                matrix[j][..n].copy_from_slice(&column);
             }
             (leader, matrix)
         };
@@ -108,27 +154,49 @@ impl ModalResponse {
     /// opposes what it moves relative to its leaders. `rates` are those of all guides at the end of the step,
     /// as far as they lead it.
     pub fn step(&mut self, excitation: &HeadExcitation, h: f64, hair: &NeighbourDrag, rates: &[ModalRates]) {
-        let eta = 2.0 / 3.0 * h;
         let mut led = ModalRates::default();
         for (leader, matrix) in &self.leaders {
-            for (led, row) in led.iter_mut().zip(matrix) {
-                *led += cholesky::dot(row, &rates[*leader]);
+            for (column, rate) in matrix.iter().zip(rates[*leader]) {
+                led.iter_mut().zip(column).for_each(|(led, of)| *led += of * rate);
             }
         }
+        let hair = if self.leaders.is_empty() { &NeighbourDrag::default() } else { hair };
         for ((mode, state), led) in self.modes.iter().zip(&mut self.states).zip(led) {
             let f: f64 = mode.force.iter().zip(excitation.components()).map(|(f, x)| f * x).sum();
-            let past = |now: f64, before: f64| (4.0 * now - before) / 3.0;
-            let ([z, before, _], [rate, rate_before]) = (state.z, state.rate);
-            let (from, rate_from) = (past(z, before), past(rate, rate_before));
-            let inertia = 1.0 + eta * (mode.damping + eta * mode.stiffness);
-            let mut next = (rate_from + eta * (f - mode.stiffness * from)) / inertia;
-            if !self.leaders.is_empty() && hair.friction + hair.air > 0.0 {
-                let pull = inertia * (next - led);
-                let slips = (pull.abs() - eta * hair.friction * mode.grip).max(0.0);
-                next = led + slips.copysign(pull) / (inertia + eta * hair.air);
-            }
-            *state = ModeState { z: [from + eta * next, z, before], rate: [next, rate] };
+            mode.step(state, f, h, hair, led);
         }
+    }
+
+    /// Moves the guide apart from its leaders in `steps` BDF2 steps of `h`, s, under constant forces that they do
+    /// not have, where `hair` opposes that.
+    pub fn move_apart(&mut self, forces: &[ForceApart], hair: &NeighbourDrag, h: f64, steps: usize) {
+        let mut f = [0.0; MODES];
+        for ForceApart { place, force } in forces {
+            let next = self.nodes.partition_point(|node| node < place).min(self.nodes.len() - 1);
+            let before = if next == 0 { 0.0 } else { self.nodes[next - 1] };
+            let share = ((place - before) / (self.nodes[next] - before)).min(1.0);
+            for (f, mode) in f.iter_mut().zip(&self.modes) {
+                let start = if next == 0 { Vector3::zeros() } else { mode.displacement_of(next - 1) };
+                *f += start.lerp(&mode.displacement_of(next), share).dot(force) * self.length;
+            }
+        }
+        for _ in 0..steps {
+            let modes = self.modes.iter().zip(&mut self.apart).zip(f);
+            modes.for_each(|((mode, state), f)| mode.step(state, f, h, hair, 0.0));
+        }
+    }
+
+    /// Brings the guide back to its leaders.
+    pub fn rejoin(&mut self) {
+        self.apart.fill(ModeState::default());
+    }
+
+    /// Normalised strain of the nodes by which the guide is apart from its leaders.
+    pub fn strain_apart(&self) -> Vec<Vector3<f64>> {
+        let modes = || self.modes.iter().zip(&self.apart);
+        let at = |n: usize| modes().map(|(mode, state)| mode.strain[n] * state.z[0]).sum();
+        let numbers = self.modes.first().map_or(0, |mode| mode.strain.len());
+        (0..numbers / 3).map(|node| Vector3::from_fn(|c, _| at(3 * node + c))).collect()
     }
 
     /// Rates of the modes.
@@ -157,14 +225,14 @@ impl ModalResponse {
         &self.deflection
     }
 
-    /// States of the modes.
-    pub fn mode_states(&self) -> &[ModeState] {
-        &self.states
+    /// States of the modes, and of what the guide is apart from its leaders in them.
+    pub fn mode_states(&self) -> [&[ModeState]; 2] {
+        [&self.states, &self.apart]
     }
 
-    /// Restores the states of the modes, of which there must be as many.
-    pub fn restore(&mut self, states: Vec<ModeState>) {
-        self.states = states;
+    /// Restores [`ModalResponse::mode_states`], of which there must be as many.
+    pub fn restore(&mut self, [states, apart]: [Vec<ModeState>; 2]) {
+        (self.states, self.apart) = (states, apart);
         self.update_deflection();
     }
 }
@@ -379,5 +447,33 @@ mod tests {
         let slowed = rate - own.states[k].rate[0];
         let expected = 100.0 * h * (hair.friction * own.modes[k].grip + own.modes[k].damping * rate);
         assert!((slowed / expected - 1.0).abs() < 0.05, "{slowed} {expected}");
+    }
+
+    #[test]
+    fn a_force_that_leaders_do_not_have_bends_a_guide_away_as_statics_have_it() {
+        // Displacements are to first order in the length of an element.
+        let rod = hair(60, 1e-9);
+        let nodes: Vec<_> = rod.nodes.iter().map(|s| Vector3::y() * -s).collect();
+        let kinematics = LinearKinematics::new(&nodes, &rod.nodes);
+        let drag = vec![1e-5; rod.points()];
+        let weightless = Vector3::zeros();
+        let mut own = ModalResponse::new(&rod, &rod.initial_q, &kinematics, &drag, &weightless);
+        let force = ForceApart { place: 1.0, force: Vector3::z() * 1e-10 };
+        let mut tip = |hair: NeighbourDrag| {
+            own.rejoin();
+            for _ in 0..100 {
+                own.move_apart(&[force], &hair, 0.05, 40);
+            }
+            kinematics.displacements(own.strain_apart().into_iter()).last().unwrap().0 * rod.length()
+        };
+        // F L³/3EI.
+        let expected = 1e-10 * rod.length().powi(3) / (3.0 * 1e-9);
+        let free = tip(NeighbourDrag::default());
+        assert!((free.z / expected - 1.0).abs() < 0.05 && free.xy().norm() < 1e-3 * expected, "{free}");
+        // The air between hairs slows it, and friction of more than the force holds it.
+        let slowed = tip(NeighbourDrag { friction: 0.0, air: 10.0 });
+        assert!((slowed.z / free.z - 1.0).abs() < 1e-3, "{slowed}");
+        let held = tip(NeighbourDrag { friction: 1.0, air: 0.0 });
+        assert_eq!(held, Vector3::zeros());
     }
 }

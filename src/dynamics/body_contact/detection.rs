@@ -1,7 +1,7 @@
 //! Detection of the contacts of one guide at the current end of the step.
 
 use super::problem::{BodyContact, target_distance};
-use super::scratch::BodyContactScratch;
+use super::scratch::{BodyContactScratch, Detection};
 use super::tolerances::{
     ACCEPTABLE_GAP, DETECTION_DISTANCE, GAP_TOLERANCE, MAX_COMPRESSION, MAX_CONTACTS, MAX_TIP_SPEED,
     MAX_TOLERATED_SHARE, MIN_DISTANCE_SHARE, PUSH_OUT_SPEED, ROUNDING, STABILISATION, SURFACE_TOLERANCE,
@@ -17,21 +17,6 @@ impl BodyContact<'_> {
         with_midpoints(&self.rod.arc, |k| shape.x(k) + self.root.p, |k| shape.tangent(k), x1);
     }
 
-    /// Finds everything within [`DETECTION_DISTANCE`] of the solver's shape.
-    fn find_candidates(
-        &self,
-        solver: &Solver,
-        contact_cache: &mut ContactCache,
-        scratch: &mut BodyContactScratch,
-    ) {
-        self.update_polyline(solver, scratch);
-        let detection = &mut scratch.detection;
-        detection.found.clear();
-        let line = self.line(&detection.x1);
-        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
-        detection.found.retain(|c| !self.is_held(c));
-    }
-
     /// Finds the contacts at the solver's shape and the impacts of the motion; returns whether the motion
     /// crosses no surface.
     ///
@@ -44,12 +29,16 @@ impl BodyContact<'_> {
         contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
-        self.find_candidates(solver, contact_cache, scratch);
+        self.update_polyline(solver, scratch);
+        let Detection { x1, found, new_impacts, .. } = &mut scratch.detection;
+        found.clear();
+        new_impacts.clear();
+        let line = self.line(x1);
+        self.bodies.detect(self.motions, &line, DETECTION_DISTANCE, contact_cache, found, new_impacts);
+        found.retain(|c| !self.is_held(c));
+        new_impacts.retain(|c| !self.is_held(c));
         let detection = &mut scratch.detection;
         let line = self.line(&detection.x1);
-        detection.new_impacts.clear();
-        self.bodies.impacts(self.motions, &line, contact_cache, &mut detection.new_impacts);
-        detection.new_impacts.retain(|c| !self.is_held(c));
         let in_front = |c: &Contact| {
             let distance = line.gap(c) + line.clearance_at(c);
             distance >= -SURFACE_TOLERANCE
@@ -104,9 +93,12 @@ impl BodyContact<'_> {
         contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
-        self.find_candidates(solver, contact_cache, scratch);
+        self.update_polyline(solver, scratch);
         let detection = &mut scratch.detection;
+        detection.found.clear();
         let line = self.line(&detection.x1);
+        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
+        detection.found.retain(|c| !self.is_held(c));
         let violated = !detection.found.iter().all(|c| c.gap >= 0.0);
         if !violated && self.ties.is_empty() {
             return false;

@@ -22,6 +22,11 @@ impl Follower {
         Follower { guide, leader, places: own.iter().map(place).collect() }
     }
 
+    /// The guide that follows.
+    pub fn guide(&self) -> usize {
+        self.guide
+    }
+
     /// The index of each of its pieces, and where on its leader this is; `first` holds the index of the first
     /// piece of each guide, then the number of pieces.
     pub fn pieces(&self, first: &[usize]) -> impl Iterator<Item = (usize, Between)> {

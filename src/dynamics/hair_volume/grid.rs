@@ -19,6 +19,11 @@ const ABSENT: u32 = u32::MAX;
 /// Values at a node.
 pub(super) type Node = [f64; 8];
 
+/// A node that lies in one line of the processor's cache.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
+struct Aligned(Node);
+
 /// Nodes near the points of one sub-step; their values are zero until something is added.
 #[derive(Debug, Default)]
 pub(super) struct Grid {
@@ -30,7 +35,7 @@ pub(super) struct Grid {
     size: [usize; 3],
     /// Index of each block's first node in `nodes`, or [`ABSENT`].
     table: Vec<u32>,
-    nodes: Vec<Node>,
+    nodes: Vec<Aligned>,
 }
 
 /// The 27 nodes around a point, with the shape functions along each axis.
@@ -94,20 +99,26 @@ impl Grid {
     /// The stencil of point `x`, m, or of the point of the box next to it. Makes the blocks that it lies in.
     pub fn touch(&mut self, x: &Vector3<f64>) -> Stencil {
         let (base, weight, slope) = self.shape(x);
-        // Along each axis: the block of each of the three nodes, and the node within it.
-        let along = |c: usize, blocks: usize, nodes: usize| -> [(usize, usize); 3] {
-            [0, 1, 2].map(|i| base[c] + i).map(|at| (at / EDGE * blocks, at % EDGE * nodes))
-        };
-        let x = along(0, self.size[1] * self.size[2], EDGE * EDGE);
-        let (y, z) = (along(1, self.size[2], EDGE), along(2, 1, 1));
-        let mut nodes = [[[0; 3]; 3]; 3];
-        for (plane, x) in nodes.iter_mut().zip(x) {
-            for (row, y) in plane.iter_mut().zip(y) {
-                for (node, z) in row.iter_mut().zip(z) {
-                    *node = self.block(x.0 + y.0 + z.0) + (x.1 + y.1 + z.1) as u32;
+        let within = base.map(|at| at % EDGE);
+        // The nodes lie in one block, or in two next to each other, along each axis.
+        let blocks = within.map(|at| if at + 2 < EDGE { 1 } else { 2 });
+        let [x, y, z] = base.map(|at| at / EDGE);
+        let mut starts = [[[0; 2]; 2]; 2];
+        for (i, plane) in starts.iter_mut().enumerate().take(blocks[0]) {
+            for (j, row) in plane.iter_mut().enumerate().take(blocks[1]) {
+                let first = ((x + i) * self.size[1] + y + j) * self.size[2] + z;
+                for (k, start) in row.iter_mut().enumerate().take(blocks[2]) {
+                    *start = self.block(first + k);
                 }
             }
         }
+        // Along each axis: the block of each of the three nodes, and the node within it.
+        let along = |c: usize, stride: usize| {
+            [0, 1, 2].map(|i| within[c] + i).map(|at| (at / EDGE, (at % EDGE * stride) as u32))
+        };
+        let (along_x, along_y, along_z) = (along(0, EDGE * EDGE), along(1, EDGE), along(2, 1));
+        let nodes =
+            along_x.map(|(i, x)| along_y.map(|(j, y)| along_z.map(|(k, z)| starts[i][j][k] + x + y + z)));
         Stencil { nodes, weight, slope }
     }
 
@@ -116,7 +127,7 @@ impl Grid {
         let Grid { table, nodes, .. } = self;
         if table[block] == ABSENT {
             table[block] = nodes.len() as u32;
-            nodes.resize(nodes.len() + BLOCK, [0.0; 8]);
+            nodes.resize(nodes.len() + BLOCK, Aligned::default());
         }
         table[block]
     }
@@ -140,7 +151,7 @@ impl Grid {
     /// Adds `values` to the nodes of a stencil, by their weights.
     pub fn add(&mut self, stencil: &Stencil, values: &Node) {
         stencil.for_each(|node, weight| {
-            for (sum, value) in self.nodes[node].iter_mut().zip(values) {
+            for (sum, value) in self.nodes[node].0.iter_mut().zip(values) {
                 *sum += weight * value;
             }
         });
@@ -148,14 +159,14 @@ impl Grid {
 
     /// Adds `value` to one entry of the nodes of a stencil, by their weights.
     pub fn add_entry(&mut self, stencil: &Stencil, entry: usize, value: f64) {
-        stencil.for_each(|node, weight| self.nodes[node][entry] += weight * value);
+        stencil.for_each(|node, weight| self.nodes[node].0[entry] += weight * value);
     }
 
     /// The values at the point of a stencil.
     pub fn values(&self, stencil: &Stencil) -> Node {
         let mut values = [0.0; 8];
         stencil.for_each(|node, weight| {
-            for (sum, value) in values.iter_mut().zip(&self.nodes[node]) {
+            for (sum, value) in values.iter_mut().zip(&self.nodes[node].0) {
                 *sum += weight * value;
             }
         });
@@ -171,7 +182,7 @@ impl Grid {
                 let (along_x, along_y, across) = (dx * y, x * dy, x * y);
                 for (node, (z, dz)) in row.iter().zip(z.iter().zip(dz)) {
                     let slopes = Vector3::new(along_x * z, along_y * z, across * dz);
-                    sum += slopes * value(&self.nodes[*node as usize]);
+                    sum += slopes * value(&self.nodes[*node as usize].0);
                 }
             }
         }

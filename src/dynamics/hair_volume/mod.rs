@@ -7,9 +7,11 @@
 
 mod crossing;
 mod follower;
+mod forces_apart;
 mod grid;
 mod law;
 mod part;
+mod record;
 mod sampling;
 #[cfg(test)]
 mod tests;
@@ -35,9 +37,6 @@ use serde::{Deserialize, Serialize};
 
 /// Smallest distance between nodes of the grid, m.
 const MIN_SPACING: f64 = 0.01;
-
-/// Root mean square speed of hair in head space, m/s, below which its slip is not recorded.
-const SLOW: f64 = 0.05;
 
 /// Least length of a piece of a guide, in distances between nodes of the grid.
 const PIECE: f64 = 0.6;
@@ -339,50 +338,6 @@ impl HairVolume {
             of_guide().map(|(piece, part)| of(&piece.opposition) * part.mass).sum::<f64>() / mass
         };
         NeighbourDrag { friction: mean(|of| of.friction), air: mean(|of| of.air) }
-    }
-
-    /// How the hair is, once its pressure is found.
-    fn record(&mut self) -> HairRecord {
-        let fraction_p95 = self.fraction_p95();
-        let (mut volume, mut softened, mut slip, mut square_speed) = (0.0, 0.0, 0.0, 0.0);
-        let mut largest: f64 = 0.0;
-        for piece in &self.pieces {
-            volume += piece.volume;
-            softened += f64::from(u8::from(piece.softened)) * piece.volume;
-            slip += piece.slip.norm_squared() * piece.volume;
-            square_speed += piece.v.norm_squared() * piece.volume;
-            largest = largest.max(piece.fraction);
-        }
-        let (slip, speed) = (slip.sqrt(), square_speed.sqrt());
-        HairRecord {
-            softened: if volume > 0.0 { softened / volume } else { 0.0 },
-            crowding_p95: fraction_p95 / self.dense,
-            crowding_max: largest / self.dense,
-            slip: if speed > SLOW * volume.sqrt() { slip / speed } else { 0.0 },
-        }
-    }
-
-    /// The 95th percentile, by volume, of the volume fraction around the pieces.
-    fn fraction_p95(&mut self) -> f64 {
-        let HairVolume { pieces, ranked, .. } = self;
-        ranked.clear();
-        ranked.extend(pieces.iter().map(|piece| [piece.fraction, piece.volume]));
-        let mut above = 0.05 * ranked.iter().map(|[_, volume]| volume).sum::<f64>();
-        // Halves it until one piece is left, where sorting all would take a good part of the sub-step.
-        let mut part = &mut ranked[..];
-        while part.len() > 1 {
-            let middle = part.len() / 2;
-            part.select_nth_unstable_by(middle, |a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-            let (lower, upper) = part.split_at_mut(middle);
-            let volume: f64 = upper.iter().map(|[_, volume]| volume).sum();
-            if volume > above {
-                part = upper;
-            } else {
-                above -= volume;
-                part = lower;
-            }
-        }
-        part.first().map_or(0.0, |[fraction, _]| *fraction)
     }
 
     /// Finds the pieces of all guides as they are at time `t`, s.

@@ -493,6 +493,7 @@ fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
     let forces = hair.forces();
     assert!(largest(&forces) > 0.0);
     let volume = &hair.volume;
+    let apart = volume.forces_apart(&hair.models, &hair.env, 0.0);
     for leader in [0, 1] {
         let range = |i: usize| volume.first[i]..volume.first[i + 1];
         for (k, own) in range(leader).enumerate() {
@@ -519,7 +520,22 @@ fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
                 let found = forces[leader][point];
                 assert!((found - expected).norm() < 1e-9 * largest(&forces), "{found} {expected}");
             }
+            // What followers have beyond the leader, and the leader beyond the mean, balance.
+            let part = &volume.parts[own];
+            let mut sum = V::zeros();
+            for i in (leader..16).step_by(2) {
+                let force = match i == leader {
+                    true => {
+                        let [pressure, load] = volume.pieces[own].wisp.means();
+                        -(pressure * part.length + load * part.mass)
+                    }
+                    false => apart[i][k].force,
+                };
+                sum += force * volume.pieces[range(i).start + k].volume;
+            }
+            assert!(sum.norm() < 1e-9 * whole * largest(&forces), "{sum}");
         }
+        assert!(apart[leader].is_empty());
     }
 }
 

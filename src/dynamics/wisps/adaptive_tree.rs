@@ -15,7 +15,7 @@ use crate::dynamics::guide::{GuideModel, GuideState};
 use crate::math::lanes::MAX_LANES;
 use crate::rod::pack::Pack;
 use crate::scene::anim::GRAVITY;
-use crate::wisp::{Hierarchy, NeighbourDrag};
+use crate::wisp::{ForceApart, Hierarchy, NeighbourDrag};
 use rayon::prelude::*;
 
 /// Share of the split tolerance below which a guide may merge again.
@@ -146,16 +146,19 @@ impl AdaptiveTree {
     }
 
     /// Advances the modal responses through the frame from time `t[0]` to `t[1]`, s, before followers are
-    /// placed. `hair` opposes what a guide moves relative to its leaders.
+    /// placed. `hair` opposes what a guide moves relative to its leaders; `apart` are the forces that these do not
+    /// have.
     pub fn advance_modes(
         &mut self,
         models: &[GuideModel],
         hair: impl Fn(usize) -> NeighbourDrag + Sync,
+        apart: &[Vec<ForceApart>],
         env: &Environment,
         t: [f64; 2],
     ) {
         let LeaderMotion { hierarchy, modal, h, .. } = &mut self.motion;
-        modal.advance(models, hierarchy, hair, env, t, *h);
+        modal.advance(models, hierarchy, &hair, env, t, *h);
+        modal.move_apart(apart, hair, *h, ((t[1] - t[0]) / *h).round() as usize);
     }
 
     /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits
@@ -176,7 +179,7 @@ impl AdaptiveTree {
         }
         let errs = |i: usize| {
             let error = || self.followers[i].relative_displacement + self.prediction_error(i);
-            self.split_tolerance.is_some_and(|tolerance| error() > tolerance)
+            self.split_tolerance.is_some_and(|tolerance| error() + self.motion.apart(i) > tolerance)
         };
         let splits = |i: &usize| {
             self.motion.hierarchy.level[*i] == level

@@ -121,6 +121,11 @@ impl LeaderMotion {
         [n.clone().map(|n| own(n)[0]).collect(), n.map(|n| backward_difference(own(n), self.h)).collect()]
     }
 
+    /// Mean displacement of guide `i` from its leaders that the hair around it demands, as a share of its length.
+    pub fn apart(&self, i: usize) -> f64 {
+        self.rest[i].kinematics.mean_displacement(self.modal.strain_apart(i).into_iter())
+    }
+
     /// Estimated error of the prediction of guide `i`, as a share of its length: the spread of its leaders
     /// times the response error of the hierarchy.
     pub fn prediction_error(&self, i: usize, nu: f64) -> f64 {

@@ -7,7 +7,7 @@ use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::GuideModel;
 use crate::scene::RootBinding;
 use crate::wisp::{
-    Deflection, HeadExcitation, Hierarchy, ModalRates, ModalResponse, ModeState, NeighbourDrag,
+    Deflection, ForceApart, HeadExcitation, Hierarchy, ModalRates, ModalResponse, ModeState, NeighbourDrag,
 };
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -33,7 +33,7 @@ struct RestExcitation {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct ModalCorrectionState {
     references: Vec<RestExcitation>,
-    modes: Vec<Vec<ModeState>>,
+    modes: Vec<[Vec<ModeState>; 2]>,
 }
 
 /// The excitation of guides on `root`, or on the head, at time `t`, s, by differences over steps of `h`, s.
@@ -123,6 +123,28 @@ impl ModalCorrection {
         responses.par_iter_mut().for_each(ModalResponse::update_deflection);
     }
 
+    /// Moves each guide apart from its leaders through a frame of `steps` steps of `h`, s, under `forces` that
+    /// these do not have: none for guides that do not follow. `hair` opposes what a guide moves relative to its
+    /// leaders.
+    pub fn move_apart(
+        &mut self,
+        forces: &[Vec<ForceApart>],
+        hair: impl Fn(usize) -> NeighbourDrag + Sync,
+        h: f64,
+        steps: usize,
+    ) {
+        let all = self.responses.par_iter_mut().zip(forces).enumerate();
+        all.for_each(|(i, (response, forces))| match &forces[..] {
+            [] => response.rejoin(),
+            forces => response.move_apart(forces, &hair(i), h, steps),
+        });
+    }
+
+    /// Normalised strain by which guide `i` is apart from its leaders.
+    pub fn strain_apart(&self, i: usize) -> Vec<Vector3<f64>> {
+        self.responses[i].strain_apart()
+    }
+
     /// The modal response of guide `i`.
     pub fn deflection(&self, i: usize) -> &Deflection {
         self.responses[i].deflection()
@@ -132,7 +154,7 @@ impl ModalCorrection {
     pub fn state(&self) -> ModalCorrectionState {
         ModalCorrectionState {
             references: self.references.clone(),
-            modes: self.responses.iter().map(|response| response.mode_states().to_vec()).collect(),
+            modes: self.responses.iter().map(|response| response.mode_states().map(<[_]>::to_vec)).collect(),
         }
     }
 
@@ -153,7 +175,9 @@ impl ModalCorrection {
         StateMismatch::unless_same("excitations", state.references.len(), roots(models).len())?;
         let mut correction = ModalCorrection::at_rest(models, hierarchy, rest, state.references);
         for (response, modes) in correction.responses.iter_mut().zip(state.modes) {
-            StateMismatch::unless_same("modes", modes.len(), response.mode_states().len())?;
+            for (saved, own) in modes.iter().zip(response.mode_states()) {
+                StateMismatch::unless_same("modes", saved.len(), own.len())?;
+            }
             response.restore(modes);
         }
         Ok(correction)
