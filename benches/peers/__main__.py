@@ -71,7 +71,7 @@ def tables(binary: Path) -> list[Table]:
         Table(
             f"At rest and in motion within {task.TOLERANCE} L",
             True,
-            [HairbakeRods(binary, 3, 7), MujocoRods(16, 40, True), ElasticaRods(13, 400, True, 0.004)],
+            [HairbakeRods(binary, 3, 4), MujocoRods(16, 40, True), ElasticaRods(13, 400, True, 0.004)],
             [HairbakeRods(binary, 7, 10)],
         ),
     ]

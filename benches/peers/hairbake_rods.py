@@ -43,7 +43,7 @@ class HairbakeRods:
             frames=frames,
             motion=shaken,
             # The rods are alone: the default would take them, all in one place, for a tuft of hair.
-            settings={"scheme": "bdf2", "contact": "bodies"},
+            settings={"contact": "bodies"},
         )
 
     def accuracy(self) -> task.Accuracy:

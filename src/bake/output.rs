@@ -6,7 +6,7 @@ use super::single::{extent, single};
 use crate::Result;
 use crate::cache::{ColliderFrame, CurveFrame, Frame, Header, Reactions};
 use crate::contact::{Bodies, Body};
-use crate::dynamics::guide_frame::{CarrierAround, GuideFrame, MovingGuide, SolverStep};
+use crate::dynamics::guide_frame::{CarrierAround, GuideFrame, MovingGuide, RateScratch, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
 use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
@@ -135,16 +135,18 @@ impl<'a> Output<'a> {
             (poses, RigidMotion::of(|t| self.anim.carrier(root, t), time(0.0)))
         };
         let head = around(None);
-        let moving = |(i, rod): (usize, &&Rod)| {
+        let moving = |scratch: &mut RateScratch, (i, rod): (usize, &&Rod)| {
             let (poses, motion) = match self.start_pose[i] {
                 Some(pose) => ([pose; 5], RigidMotion::still(&pose)),
                 None => self.roots.get(i).map_or(head, |root| around(Some(root))),
             };
             let velocity = |place: &Vector3<f64>| motion.carry(place).1 * interval;
             let carrier = CarrierAround { poses, velocity: &velocity };
-            MovingGuide::new(rod, before.map(|before| &before[i]), [&now[i], &after[i]], &carrier, interval)
+            let before = before.map(|before| &before[i]);
+            MovingGuide::new(rod, before, [&now[i], &after[i]], &carrier, interval, scratch)
         };
-        let (guides, limited): (_, Vec<bool>) = self.rods.par_iter().enumerate().map(moving).unzip();
+        let all = self.rods.par_iter().enumerate();
+        let (guides, limited): (_, Vec<bool>) = all.map_init(RateScratch::default, moving).unzip();
         (guides, limited.iter().map(|limited| u32::from(*limited)).sum())
     }
 

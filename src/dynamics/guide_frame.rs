@@ -122,6 +122,19 @@ const BESIDE: f64 = 0.01;
 /// equations that the points give.
 const DAMPING: f64 = 1e-6;
 
+/// Buffers of [`MovingGuide::new`].
+#[derive(Debug, Default)]
+pub struct RateScratch {
+    shape: RodShape,
+    /// Poses of the points at the five times of the differences.
+    poses: [Vec<Pose>; 5],
+    sensitivity: Sensitivity,
+    /// Normal equations of the fit: matrix, right-hand side, then solution, and a row of the Jacobian.
+    normal: Vec<f64>,
+    change: Vec<f64>,
+    row: Vec<f64>,
+}
+
 impl MovingGuide {
     /// The guide of `rod` at a frame, by its states at the frame before, at it and at the next, `interval`,
     /// s, apart. `before` is `None` at the first frame. Also whether its rates are limited: they are not
@@ -132,6 +145,7 @@ impl MovingGuide {
         [now, after]: [&GuideFrame; 2],
         head: &CarrierAround,
         interval: f64,
+        scratch: &mut RateScratch,
     ) -> (Self, bool) {
         let differences = if before.is_some() { CENTRAL } else { AT_START };
         let unwound = |q: &Vec<f64>| {
@@ -150,7 +164,7 @@ impl MovingGuide {
         rate.iter_mut().zip(&correction).for_each(|(rate, correction)| *rate += share * correction);
         let unsteady = velocity_in_head(&[rod.root.p; 5], head, &differences).0.norm() > UNSTEADY;
         let fits = unsteady || turn(rod, &rate) > 2.0 * RESOLVED_TURN;
-        let limited = fits && !fit(&mut rate, rod, &q, head, &differences);
+        let limited = fits && !fit(&mut rate, rod, &q, head, &differences, scratch);
         rate.iter_mut().for_each(|rate| *rate /= interval);
         let reaction = now.reaction.clone();
         (MovingGuide { q: now.q.clone(), rate, level: now.level, reaction }, limited)
@@ -196,19 +210,22 @@ fn fit(
     q: &[Vec<f64>; 5],
     head: &CarrierAround,
     differences: &Differences,
+    scratch: &mut RateScratch,
 ) -> bool {
-    let mut shape = RodShape::default();
-    let mut poses: [Vec<Pose>; 5] = Default::default();
+    let RateScratch { shape, poses, sensitivity, normal, change, row } = scratch;
     // The frame last: its shape is used below.
     for i in [0, 1, 3, 4, 2] {
         shape.update(rod, &rod.root.r, &q[i]);
+        poses[i].clear();
         poses[i].extend(shape.poses());
     }
     let mut limited = 0.0_f64;
-    let mut sensitivity = Sensitivity::default();
-    sensitivity.update(rod, &shape, &q[2]);
+    sensitivity.update(rod, shape, &q[2]);
     let n = rate.len();
-    let (mut normal, mut change, mut row) = (vec![0.0; n * n], vec![0.0; n], vec![0.0; n]);
+    for (of, numbers) in [(&mut *normal, n * n), (&mut *change, n), (&mut *row, n)] {
+        of.clear();
+        of.resize(numbers, 0.0);
+    }
     for k in usize::from(!rod.is_free())..rod.points() {
         for aside in [0.0, BESIDE] {
             let places = poses.each_ref().map(|poses| poses[k].p + poses[k].r.column(0) * aside);
@@ -218,10 +235,10 @@ fn fit(
             limited = limited.max(beyond);
             for axis in 0..3 {
                 row.fill(0.0);
-                sensitivity.add_row(k, &x, &Vector3::ith(axis, 1.0), 1.0, &mut row);
+                sensitivity.add_row(k, &x, &Vector3::ith(axis, 1.0), 1.0, row);
                 for (i, a) in row.iter().enumerate() {
                     change[i] += a * missing[axis];
-                    normal[i * n..=i * n + i].iter_mut().zip(&row).for_each(|(sum, b)| *sum += a * b);
+                    normal[i * n..=i * n + i].iter_mut().zip(&*row).for_each(|(sum, b)| *sum += a * b);
                 }
             }
         }
@@ -230,11 +247,11 @@ fn fit(
     // Of the unknowns of a free root, which have other units, and of the strains beside them, each has its own.
     let diagonal = |own: f64| if rod.is_free() { own } else { trace / n as f64 };
     (0..n).for_each(|i| normal[i * n + i] += DAMPING * diagonal(normal[i * n + i]));
-    if cholesky::factor(&mut normal, n) != 1 {
+    if cholesky::factor(normal, n) != 1 {
         return false;
     }
-    cholesky::solve(&normal, n, &mut change);
-    rate.iter_mut().zip(&change).for_each(|(rate, change)| *rate += change);
+    cholesky::solve(normal, n, change);
+    rate.iter_mut().zip(&*change).for_each(|(rate, change)| *rate += change);
     limited <= NOTABLE
 }
 
@@ -250,7 +267,8 @@ fn velocity_in_head(
     let from_now = in_world.map(|place| place - in_world[2]);
     let [over_a_frame, correction, mean] =
         [OVER_A_FRAME, differences.correction, differences.mean].map(|weights| {
-            from_now.iter().zip(weights).map(|(place, weight)| place * weight).sum::<Vector3<f64>>()
+            let weighted = from_now.iter().zip(weights);
+            weighted.fold(Vector3::zeros(), |sum: Vector3<f64>, (place, weight)| sum + place * weight)
         });
     let velocity = over_a_frame + correction * share_of_correction(correction.norm(), over_a_frame.norm());
     let of_head = (head.velocity)(&places[2]);
@@ -273,7 +291,14 @@ mod tests {
         let state = |t: f64| GuideFrame { q: q(t), midway: q(t - 0.5), level: 0, reaction: None };
         let before = state(-1.0);
         let head = CarrierAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
-        MovingGuide::new(rod, (!first).then_some(&before), [&state(0.0), &state(1.0)], &head, INTERVAL)
+        MovingGuide::new(
+            rod,
+            (!first).then_some(&before),
+            [&state(0.0), &state(1.0)],
+            &head,
+            INTERVAL,
+            &mut RateScratch::default(),
+        )
     }
 
     /// Positions of the points of a rod, and their velocities at rates of its unknowns.
@@ -403,7 +428,14 @@ mod tests {
             for speed in [0.0, 0.085, 0.17] {
                 let velocity = move |_: &Vector3<f64>| across * speed;
                 let head = CarrierAround { poses, velocity: &velocity };
-                let (found, _) = MovingGuide::new(&rod, Some(&still), [&still, &still], &head, INTERVAL);
+                let (found, _) = MovingGuide::new(
+                    &rod,
+                    Some(&still),
+                    [&still, &still],
+                    &head,
+                    INTERVAL,
+                    &mut RateScratch::default(),
+                );
                 let written = tip(&found.rate)[1].dot(&across) * INTERVAL + speed;
                 assert!((written - mean).abs() < 0.03, "{speed} {mean}: {written}");
             }

@@ -382,13 +382,16 @@ fn what_a_lock_of_hair_catches_comes_away_from_its_wisp() {
     let (split, adaptive) = run(Resolution::Adaptive, 0.005);
     let off = |tips: &[Vector3<f64>]| tips.iter().zip(&full).map(|(a, b)| (a - b).norm()).sum::<f64>();
     // Only because their leaders, which the lock does not meet, disagree, they would be farther off than coarse wisps.
-    assert!(split.len() < CURTAIN - CURTAIN / WISP, "{split:?}");
+    assert!(split.len() < CURTAIN - CURTAIN / OF_WISP, "{split:?}");
     assert!(off(&adaptive) < 0.5 * off(&coarse), "{} {}", off(&adaptive), off(&coarse));
 }
 
 /// Guides of the curtain of [`curtain_over_a_lock`], and how many of them are one coarse wisp.
 const CURTAIN: usize = 48;
-const WISP: usize = 24;
+const OF_WISP: usize = 24;
+
+/// A wisp: its parent or -1, its root, m, whether it is of the lock, and its guide.
+type Wisp = (i32, [f64; 3], bool, Option<usize>);
 
 /// A curtain of soft hair, 10 cm wide and in two coarse wisps, that falls from 3 cm across a stiff lock of 12 mm in
 /// its middle.
@@ -410,16 +413,16 @@ fn curtain_over_a_lock(folder: &Path) -> (Groom, Anim) {
     let line =
         |&(root, held): &([f64; 3], bool)| (0..=16).map(move |k| along(root, held, f64::from(k) / 16.0));
     // Each coarse wisp of the curtain, with its centre, then its guides; each guide of the lock alone.
-    let mut wisps: Vec<(i32, [f64; 3], bool, Option<usize>)> = Vec::new();
-    for first in (0..CURTAIN).step_by(WISP) {
-        let middle = of_curtain(first + WISP / 2);
+    let mut wisps: Vec<Wisp> = Vec::new();
+    for first in (0..CURTAIN).step_by(OF_WISP) {
+        let middle = of_curtain(first + OF_WISP / 2);
         let (coarse, x) = (wisps.len() as i32, middle[0] - 0.05 / 24.0);
         wisps.push((-1, [x, middle[1] + 0.0015, middle[2]], false, None));
-        wisps.extend((first..first + WISP).map(|i| (coarse, of_curtain(i), false, Some(i))));
+        wisps.extend((first..first + OF_WISP).map(|i| (coarse, of_curtain(i), false, Some(i))));
     }
     wisps.extend((0..LOCK).map(|i| (-1, of_lock(i), true, Some(CURTAIN + i))));
     let arc: Vec<f64> = (0..NODES).map(|k| k as f64 / (NODES - 1) as f64).collect();
-    let sections = |of: &dyn Fn(&(i32, [f64; 3], bool, Option<usize>), f64) -> Value| -> Vec<Value> {
+    let sections = |of: &dyn Fn(&Wisp, f64) -> Value| -> Vec<Value> {
         wisps.iter().flat_map(|wisp| arc.iter().map(|s| of(wisp, *s)).collect::<Vec<_>>()).collect()
     };
     let frame =

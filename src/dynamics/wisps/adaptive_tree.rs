@@ -156,6 +156,10 @@ impl AdaptiveTree {
         env: &Environment,
         t: [f64; 2],
     ) {
+        if self.packs.iter().all(Vec::is_empty) {
+            // No guide has leaders.
+            return;
+        }
         let LeaderMotion { hierarchy, modal, h, .. } = &mut self.motion;
         modal.advance(models, hierarchy, &hair, env, t, *h);
         modal.move_apart(apart, hair, *h, ((t[1] - t[0]) / *h).round() as usize);
