@@ -213,8 +213,8 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
 }
 
 /// Steps the guides `split` through the sub-steps of a frame that the active guides have already taken.
-/// Each is stepped alone: it meets other guides from the next frame on, and `hair` acts on it as on the
-/// follower that it was in the last sub-step. Adds to `records` what each sub-step did.
+/// Each is stepped alone: it meets other guides, and the hair around it, from the next frame on; until then `hair`
+/// acts on it as on its leader in the last sub-step. Adds to `records` what each sub-step did.
 fn catch_up_split(
     model: &Model,
     env: &mut Environment,
@@ -240,7 +240,7 @@ fn catch_up_split(
         if let Some(hair) = hair {
             for &i in &split {
                 guides[i].clear_hair_force();
-                hair.add_force(i, &model.guides[i], &mut guides[i], env, span[0]);
+                hair.add_force_of_leader(i, &model.guides[i], &mut guides[i], env, span[0]);
             }
         }
         batches.step(&model.guides, env, guides, span, mode, &mut of_all);

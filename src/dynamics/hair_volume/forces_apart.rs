@@ -1,9 +1,11 @@
 //! What the hair around followers does to them and not to their leaders.
 
 use super::HairVolume;
+use super::follower::Between;
 use crate::dynamics::environment::Environment;
-use crate::dynamics::guide::GuideModel;
+use crate::dynamics::guide::{GuideModel, GuideState};
 use crate::wisp::ForceApart;
+use nalgebra::Vector3;
 
 impl HairVolume {
     /// The forces of the last sub-step on a hair of each guide that its leader does not have, with the head as at
@@ -16,10 +18,9 @@ impl HairVolume {
             let model = &models[guide];
             let to_rest = env.carried(model.skin.as_ref(), t).rotation.inverse() * to_world;
             let mut before = 0.0;
-            let force = |(own, between): (usize, super::follower::Between)| {
-                let (piece, history, part) = (&self.pieces[own], &self.history[own], &self.parts[own]);
-                let pressure = between.mean(|j| self.pieces[j].pressure) + history.pressure_beyond_leader;
-                let load = between.mean(|j| self.pieces[j].load) - history.beyond_leader;
+            let force = |(own, between): (usize, Between)| {
+                let (piece, part) = (&self.pieces[own], &self.parts[own]);
+                let [pressure, load] = self.led(own, &between);
                 let middle = before + 0.5 * part.length;
                 before += part.length;
                 ForceApart {
@@ -31,5 +32,37 @@ impl HairVolume {
             forces[guide] = follower.pieces(&self.first).map(force).collect();
         }
         forces
+    }
+
+    /// Adds to guide `i`, if it follows, the forces of the last sub-step on its leader, with what it bore beyond them
+    /// when it began to follow, with the head as at time `t`, s. Its own would be those of a place from which it
+    /// does not give way.
+    pub fn add_force_of_leader(
+        &self,
+        i: usize,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
+        t: f64,
+    ) {
+        let Some(follower) = self.followers.iter().find(|follower| follower.guide() == i) else { return };
+        let to_world = (env.head)(t).rotation;
+        let (rod, forces) = (&model.rod, state.hair_force_mut());
+        for (own, between) in follower.pieces(&self.first) {
+            let [pressure, load] = self.led(own, &between).map(|of| to_world * of);
+            for k in self.parts[own].points.clone() {
+                forces[k] += pressure * rod.weight[k] + load * rod.mass[k];
+            }
+        }
+    }
+
+    /// Force per length, N/m, and acceleration, m/s², of piece `own` of a follower by what acts `between` pieces of
+    /// its leader, with what it bore beyond them when it began to follow, head space.
+    fn led(&self, own: usize, between: &Between) -> [Vector3<f64>; 2] {
+        let history = &self.history[own];
+        [
+            between.mean(|j| self.pieces[j].pressure) + history.pressure_beyond_leader,
+            between.mean(|j| self.pieces[j].load) - history.beyond_leader,
+        ]
     }
 }
