@@ -49,10 +49,7 @@ impl HairVolume {
         let to_world = (env.head)(t).rotation;
         let (rod, forces) = (&model.rod, state.hair_force_mut());
         for (own, between) in follower.pieces(&self.first) {
-            let [pressure, load] = self.led(own, &between).map(|of| to_world * of);
-            for k in self.parts[own].points.clone() {
-                forces[k] += pressure * rod.weight[k] + load * rod.mass[k];
-            }
+            self.parts[own].push(rod, &self.led(own, &between).map(|of| to_world * of), forces);
         }
     }
 

@@ -317,15 +317,12 @@ impl HairVolume {
 
     /// Adds to guide `i` the forces of the last sub-step of the hair around it and, where it leads, around what
     /// follows it, with the head as at time `t`, s.
-    pub fn add_force(&self, i: usize, model: &GuideModel, state: &mut GuideState, env: &Environment, t: f64) {
+    fn add_force(&self, i: usize, model: &GuideModel, state: &mut GuideState, env: &Environment, t: f64) {
         let to_world = (env.head)(t).rotation;
-        let (rod, forces) = (&model.rod, state.hair_force_mut());
+        let forces = state.hair_force_mut();
         for piece in self.first[i]..self.first[i + 1] {
             let Piece { pressure, load, .. } = &self.pieces[piece];
-            let [pressure, acceleration] = [pressure, load].map(|f| to_world * f);
-            for k in self.parts[piece].points.clone() {
-                forces[k] += pressure * rod.weight[k] + acceleration * rod.mass[k];
-            }
+            self.parts[piece].push(&model.rod, &[pressure, load].map(|of| to_world * of), forces);
         }
     }
 

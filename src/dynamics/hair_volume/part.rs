@@ -48,6 +48,14 @@ impl Part {
         Part { guide, points, shares, length, mass, turn: 0..0, turn_shares: Vec::new() }
     }
 
+    /// Adds a force per length, N/m, and an acceleration, m/s², of the piece to the `forces`, N, on the points of its
+    /// `rod`.
+    pub fn push(&self, rod: &Rod, [force, acceleration]: &[Vector3<f64>; 2], forces: &mut [Vector3<f64>]) {
+        for k in self.points.clone() {
+            forces[k] += force * rod.weight[k] + acceleration * rod.mass[k];
+        }
+    }
+
     /// The mean over a [`TURN`] around the piece of what the pieces have.
     pub fn mean_over_turn(&self, of: impl Fn(usize) -> Vector3<f64>) -> Vector3<f64> {
         self.turn.clone().zip(&self.turn_shares).map(|(piece, share)| of(piece) * *share).sum()
