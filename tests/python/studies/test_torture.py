@@ -31,10 +31,12 @@ def test_nothing_crosses(name: str, steps: int) -> None:
 
 @needs_hairbake
 @pytest.mark.slow
-def test_hair_as_a_volume_crosses_no_body() -> None:
-    result = torture(Hairbake(HAIRBAKE), "edges", 3, seconds=0.3, contact="volume")
+@pytest.mark.parametrize("steps", [3, 1])
+def test_hair_as_a_volume_crosses_no_body(steps: int) -> None:
+    result = torture(Hairbake(HAIRBAKE), "edges", steps, seconds=0.3, contact="volume")
     assert result.found.body_pairs > 400
     assert not result.found.events
+    assert result.totals["crossings"] == 0
 
 
 def test_scenes_are_complete() -> None:
