@@ -178,3 +178,14 @@ pub fn assert_resumed_bits(groom: &Groom, anim: &Anim, rods: &GuideRods, steps: 
     let bytes = |simulation: &Simulation| postcard::to_stdvec(&simulation.state()).unwrap();
     assert_eq!(bytes(&whole), bytes(&resumed));
 }
+
+/// Materials and groups of a groom in which soft hair, group 0, falls on stiff hair, group 1.
+pub fn soft_and_stiff() -> [serde_json::Value; 2] {
+    [
+        serde_json::json!([
+            { "name": "soft", "sag_free": 0.0 },
+            { "name": "stiff", "sag_free": 1.0, "young_modulus_pa": 4e10, "shear_modulus_pa": 1e10 }
+        ]),
+        serde_json::json!([{ "name": "falls", "material": 0 }, { "name": "held", "material": 1 }]),
+    ]
+}

@@ -1,7 +1,7 @@
 //! Hair that meets hair as a volume: neighbours drag each other along, and the record tells what the sub-step
 //! softens.
 
-use crate::common::{bake, here};
+use crate::common::{bake, here, soft_and_stiff};
 use hairbake::dynamics::clock::substeps_to;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
@@ -155,13 +155,10 @@ fn crossing_locks(angle: f64) -> (Groom, Anim) {
     };
     let groups = |count: usize| [vec![0; count], vec![1; count]].concat();
     let strands = 15 * LOCK;
+    let [materials, groups_of_groom] = soft_and_stiff();
     let groom = json!({
         "format": "hairbake-groom", "version": 1,
-        "materials": [
-            { "name": "soft", "sag_free": 0.0 },
-            { "name": "stiff", "sag_free": 1.0, "young_modulus_pa": 4e10, "shear_modulus_pa": 1e10 }
-        ],
-        "groups": [{ "name": "falls", "material": 0 }, { "name": "held", "material": 1 }],
+        "materials": materials, "groups": groups_of_groom,
         "guides": { "vertices": 17, "points": hairs(LOCK), "group": groups(LOCK) },
         "strands": {
             "vertices": 17, "points": hairs(strands), "group": groups(strands),

@@ -1,5 +1,6 @@
 //! Wisps that guides come away from and join again.
 
+use crate::common::soft_and_stiff;
 use hairbake::dynamics::clock::substeps_to;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
@@ -428,13 +429,10 @@ fn curtain_over_a_lock(folder: &Path) -> (Groom, Anim) {
     let frame =
         |held: bool| if held { json!([0.5_f64.sqrt(), -0.5_f64.sqrt(), 0, 0]) } else { json!([1, 0, 0, 0]) };
     let trees = wisps.iter().filter(|wisp| wisp.0 < 0).count();
+    let [materials, groups_of_groom] = soft_and_stiff();
     let groom = json!({
         "format": "hairbake-groom", "version": 1,
-        "materials": [
-            { "name": "soft", "sag_free": 0.0 },
-            { "name": "stiff", "sag_free": 1.0, "young_modulus_pa": 4e10, "shear_modulus_pa": 1e10 }
-        ],
-        "groups": [{ "name": "falls", "material": 0 }, { "name": "held", "material": 1 }],
+        "materials": materials, "groups": groups_of_groom,
         "guides": {
             "points": guides.iter().flat_map(line).collect::<Vec<_>>(), "vertices": 17,
             "group": guides.iter().map(|(_, held)| u32::from(*held)).collect::<Vec<_>>()

@@ -99,26 +99,20 @@ impl Grid {
     /// The stencil of point `x`, m, or of the point of the box next to it. Makes the blocks that it lies in.
     pub fn touch(&mut self, x: &Vector3<f64>) -> Stencil {
         let (base, weight, slope) = self.shape(x);
-        let within = base.map(|at| at % EDGE);
-        // The nodes lie in one block, or in two next to each other, along each axis.
-        let blocks = within.map(|at| if at + 2 < EDGE { 1 } else { 2 });
-        let [x, y, z] = base.map(|at| at / EDGE);
-        let mut starts = [[[0; 2]; 2]; 2];
-        for (i, plane) in starts.iter_mut().enumerate().take(blocks[0]) {
-            for (j, row) in plane.iter_mut().enumerate().take(blocks[1]) {
-                let first = ((x + i) * self.size[1] + y + j) * self.size[2] + z;
-                for (k, start) in row.iter_mut().enumerate().take(blocks[2]) {
-                    *start = self.block(first + k);
+        // Along each axis: the block of each of the three nodes, and the node within it.
+        let along = |c: usize, blocks: usize, nodes: usize| -> [(usize, usize); 3] {
+            [0, 1, 2].map(|i| base[c] + i).map(|at| (at / EDGE * blocks, at % EDGE * nodes))
+        };
+        let x = along(0, self.size[1] * self.size[2], EDGE * EDGE);
+        let (y, z) = (along(1, self.size[2], EDGE), along(2, 1, 1));
+        let mut nodes = [[[0; 3]; 3]; 3];
+        for (plane, x) in nodes.iter_mut().zip(x) {
+            for (row, y) in plane.iter_mut().zip(y) {
+                for (node, z) in row.iter_mut().zip(z) {
+                    *node = self.block(x.0 + y.0 + z.0) + (x.1 + y.1 + z.1) as u32;
                 }
             }
         }
-        // Along each axis: the block of each of the three nodes, and the node within it.
-        let along = |c: usize, stride: usize| {
-            [0, 1, 2].map(|i| within[c] + i).map(|at| (at / EDGE, (at % EDGE * stride) as u32))
-        };
-        let (along_x, along_y, along_z) = (along(0, EDGE * EDGE), along(1, EDGE), along(2, 1));
-        let nodes =
-            along_x.map(|(i, x)| along_y.map(|(j, y)| along_z.map(|(k, z)| starts[i][j][k] + x + y + z)));
         Stencil { nodes, weight, slope }
     }
 
