@@ -1,44 +1,10 @@
 //! Guides that move with others, and the forces on all hair that moves as one.
 
 use nalgebra::Vector3;
-
-/// A guide that moves with another.
-pub(super) struct Follower {
-    guide: usize,
-    leader: usize,
-    /// For each piece, the leader's piece before it at the same share of the length, and how far (0..=1) it
-    /// is towards the next.
-    places: Vec<(usize, f64)>,
-}
-
-impl Follower {
-    /// Of the pair (guide, leader), whose pieces have their middles at these shares of the lengths.
-    pub fn new([guide, leader]: [usize; 2], own: &[f64], of_leader: &[f64]) -> Self {
-        let place = |s: &f64| {
-            let k = of_leader.partition_point(|o| o <= s).clamp(1, (of_leader.len() - 1).max(1)) - 1;
-            let next = of_leader.get(k + 1).unwrap_or(&f64::INFINITY);
-            (k, ((s - of_leader[k]) / (next - of_leader[k])).clamp(0.0, 1.0))
-        };
-        Follower { guide, leader, places: own.iter().map(place).collect() }
-    }
-
-    /// The guide that follows.
-    pub fn guide(&self) -> usize {
-        self.guide
-    }
-
-    /// The index of each of its pieces, and where on its leader this is; `first` holds the index of the first
-    /// piece of each guide, then the number of pieces.
-    pub fn pieces(&self, first: &[usize]) -> impl Iterator<Item = (usize, Between)> {
-        let (own, leader) = (first[self.guide], first[self.leader]..first[self.leader + 1]);
-        self.places.iter().enumerate().map(move |(k, (before, share))| {
-            let before = leader.start + before;
-            (own + k, Between { before, next: (before + 1).min(leader.end - 1), share: *share })
-        })
-    }
-}
+use std::ops::Range;
 
 /// A place between two pieces of a guide.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Between {
     before: usize,
     next: usize,
@@ -47,6 +13,15 @@ pub(super) struct Between {
 }
 
 impl Between {
+    /// The place at the share `s` of the length of a guide whose `pieces` have their middles at the shares `middles`.
+    pub fn new(s: f64, middles: &[f64], pieces: Range<usize>) -> Self {
+        let k = middles.partition_point(|o| *o <= s).clamp(1, (middles.len() - 1).max(1)) - 1;
+        let next = middles.get(k + 1).unwrap_or(&f64::INFINITY);
+        let share = ((s - middles[k]) / (next - middles[k])).clamp(0.0, 1.0);
+        let before = pieces.start + k;
+        Between { before, next: (before + 1).min(pieces.end - 1), share }
+    }
+
     /// The mean there of what the pieces have.
     pub fn mean(&self, of: impl Fn(usize) -> Vector3<f64>) -> Vector3<f64> {
         of(self.before).lerp(&of(self.next), self.share)
@@ -58,33 +33,50 @@ impl Between {
     }
 }
 
-/// What acts on the hair that moves with a piece beyond what acts on the piece, less what it bears in its own
-/// shape: sums by volume.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct WispForce {
-    /// m³
-    volume: f64,
-    /// Force per length of the pressure, times the volume, N·m².
-    pressure: Vector3<f64>,
-    /// Acceleration by the drag of neighbours, times the volume, m⁴/s².
-    load: Vector3<f64>,
+/// Which pieces of followers move with each piece of a guide that leads.
+#[derive(Default)]
+pub(super) struct Led {
+    /// For each piece, the index of the first in `pieces`, then their number.
+    first: Vec<u32>,
+    /// Pieces of followers, each with the share of it that moves with the piece.
+    pieces: Vec<(u32, f64)>,
 }
 
-impl WispForce {
-    /// Of the hair of the leader alone, of this volume, m³.
-    pub fn of_leader(volume: f64) -> Self {
-        WispForce { volume, ..WispForce::default() }
+impl Led {
+    /// Of pieces that move with these places between others.
+    pub fn new(between: &[Option<Between>]) -> Self {
+        let mut shares: Vec<(usize, (u32, f64))> = Vec::new();
+        for (own, between) in between.iter().enumerate() {
+            let of = |(leader, share)| (leader, (own as u32, share));
+            shares.extend(between.iter().flat_map(Between::shares).map(of));
+        }
+        shares.sort_by_key(|(leader, _)| *leader);
+        let first = (0..=between.len()).map(|i| shares.partition_point(|(leader, _)| *leader < i) as u32);
+        Led { first: first.collect(), pieces: shares.into_iter().map(|(_, led)| led).collect() }
     }
 
-    /// Adds hair of this `volume`, m³.
-    pub fn add(&mut self, volume: f64, pressure: &Vector3<f64>, load: &Vector3<f64>) {
-        self.volume += volume;
-        self.pressure += pressure * volume;
-        self.load += load * volume;
+    /// The mean force per length, N/m, and acceleration, m/s², on all hair that moves with piece `i`, itself of this
+    /// `volume`, m³, beyond what acts on the piece; followers have `beyond`.
+    pub fn mean(&self, i: usize, volume: f64, beyond: &[Beyond]) -> [Vector3<f64>; 2] {
+        let (mut whole, mut pressure, mut load) = (volume, Vector3::zeros(), Vector3::zeros());
+        for (own, share) in &self.pieces[self.first[i] as usize..self.first[i + 1] as usize] {
+            let beyond = &beyond[*own as usize];
+            let part = share * beyond.volume;
+            whole += part;
+            pressure += beyond.pressure * part;
+            load += beyond.load * part;
+        }
+        [pressure, load].map(|sum| sum / whole)
     }
+}
 
-    /// Mean force per length, N/m, and acceleration, m/s².
-    pub fn means(&self) -> [Vector3<f64>; 2] {
-        [self.pressure, self.load].map(|sum| sum / self.volume)
-    }
+/// What acts on a piece of a follower beyond what acts on its leader, less what it bears in its own shape.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Beyond {
+    /// Volume of the hairs, m³.
+    pub volume: f64,
+    /// Force per length of the pressure, N/m.
+    pub pressure: Vector3<f64>,
+    /// Acceleration by the drag of neighbours, m/s².
+    pub load: Vector3<f64>,
 }

@@ -11,6 +11,7 @@ mod forces_apart;
 mod grid;
 mod law;
 mod part;
+mod piece;
 mod record;
 mod sampling;
 #[cfg(test)]
@@ -25,21 +26,26 @@ use super::step_record::HairRecord;
 use super::wisp_friction::CarrierVelocity;
 use crate::wisp::{GuideRod, NeighbourDrag};
 use crossing::Crossing;
-use follower::{Follower, WispForce};
+use follower::{Between, Beyond, Led};
 use grid::{Grid, Node, Stencil};
 use law::{Assembly, Fibre, Resistance};
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use part::Part;
+use piece::Piece;
 use rayon::prelude::*;
 use sampling::root_spacing;
 pub(super) use sampling::sampling;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Smallest distance between nodes of the grid, m.
 const MIN_SPACING: f64 = 0.01;
 
 /// Least length of a piece of a guide, in distances between nodes of the grid.
 const PIECE: f64 = 0.6;
+
+/// Fewest pieces that a thread takes at once.
+const MIN_PIECES: usize = 512;
 
 /// The hair of a groom as a fibre assembly, in pieces: consecutive points of a guide, with all its hairs.
 pub(super) struct HairVolume {
@@ -55,14 +61,21 @@ pub(super) struct HairVolume {
     framed: Vec<Placed>,
     /// Of each piece; without meaning for those of followers.
     history: Vec<History>,
-    followers: Vec<Follower>,
+    /// Of pieces of followers, where on its leader each is.
+    between: Vec<Option<Between>>,
+    led: Led,
     /// The active guide that each guide moves with.
     leaders: Vec<usize>,
     pieces: Vec<Piece>,
+    /// What pieces of active guides did since the end of the last frame.
+    moved: Vec<Moved>,
+    /// Of pieces of followers, what acts on each beyond what acts on its leader.
+    beyond: Vec<Beyond>,
     /// Mean unit tangent of each piece over a turn.
     axes: Vec<Vector3<f64>>,
-    /// The nodes around each piece.
+    /// The nodes around each piece, and what it adds to them.
     stencils: Vec<Stencil>,
+    deposits: Vec<Node>,
     /// Volume fraction and volume of each piece, in the order in which the percentile was looked for.
     ranked: Vec<[f64; 2]>,
     grid: Grid,
@@ -124,48 +137,17 @@ struct Rest {
     crossing: f64,
 }
 
-/// A piece of a guide with all its hairs, in head space.
+/// How a piece moved since the end of the last frame, head space.
 #[derive(Debug, Clone, Copy, Default)]
-struct Piece {
-    /// Mean position, m.
-    x: Vector3<f64>,
-    /// Mean velocity relative to the head, m/s.
+struct Moved {
+    /// m
+    by: Vector3<f64>,
+    /// Change of the tangent.
+    turned: Vector3<f64>,
+    /// [`Piece::v`], m/s.
     v: Vector3<f64>,
-    /// [`History::before`], m/s.
-    before: Past<Vector3<f64>>,
-    /// Acceleration in the last sub-step by all but its neighbours' drag, m/s².
+    /// [`Piece::acceleration`], m/s².
     acceleration: Vector3<f64>,
-    /// Velocity at the end of the sub-step without its neighbours' drag, m/s: what else acts is taken to do as
-    /// in the last one.
-    undragged: Vector3<f64>,
-    /// η of the sub-step's difference formula, s.
-    eta: f64,
-    /// Mean unit tangent.
-    tangent: Vector3<f64>,
-    /// True if the hairs are loose and beyond what other hair can reach: they do not count, and nothing acts on them.
-    absent: bool,
-    /// Volume of the hairs, m³; 0 if they are absent.
-    volume: f64,
-    /// u′ of [`Assembly::energy_slope`], Pa.
-    energy_slope: f64,
-    /// Whether its pressure is less than the law's because of the sub-step.
-    softened: bool,
-    /// Volume fraction of the hair around it.
-    fraction: f64,
-    /// Velocity against that of the hair around it that is left at the end of the sub-step, m/s.
-    slip: Vector3<f64>,
-    /// Acceleration by its neighbours' drag over the sub-step, m/s².
-    drag: Vector3<f64>,
-    /// Force per volume by which it keeps out of hair that crosses it, N/m³.
-    repulsion: Vector3<f64>,
-    /// Force per length of the pressure, with the repulsion, N/m.
-    pressure: Vector3<f64>,
-    /// What opposes slip across it.
-    opposition: NeighbourDrag,
-    /// `drag`, with the mean of what acts beyond it on all hair that moves with the piece, m/s².
-    load: Vector3<f64>,
-    /// The forces on all hair that moves with it.
-    wisp: WispForce,
 }
 
 /// Entry of a node for φ, and for the sum of φ u′, Pa. Between them are φ v and φ times the tangent.
@@ -192,15 +174,20 @@ impl HairVolume {
             dense: 0.0,
             framed: vec![Placed::default(); parts.len()],
             history: Vec::new(),
-            followers: Vec::new(),
+            between: vec![None; parts.len()],
+            led: Led::default(),
             leaders: (0..models.len()).collect(),
             pieces: vec![Piece::default(); parts.len()],
+            moved: vec![Moved::default(); parts.len()],
+            beyond: vec![Beyond::default(); parts.len()],
             axes: vec![Vector3::zeros(); parts.len()],
             stencils: vec![Stencil::default(); parts.len()],
+            deposits: vec![Node::default(); parts.len()],
             ranked: Vec::with_capacity(parts.len()),
             parts,
             grid,
         };
+        volume.set_leaders(models, |i| i);
         volume.locate(states, env, t);
         let at_rest = |piece: &Piece| History {
             before: [piece.v; 3],
@@ -228,53 +215,70 @@ impl HairVolume {
         t: f64,
     ) {
         // What each bears of the hair around it, as drag and as pressure.
-        let [mut borne, mut pressed]: [Vec<Vector3<f64>>; 2] =
-            [|piece: &Piece| -piece.load, |piece: &Piece| piece.pressure]
-                .map(|of: fn(&Piece) -> Vector3<f64>| self.pieces.iter().map(of).collect());
-        for follower in &self.followers {
-            for (own, between) in follower.pieces(&self.first) {
-                let history = &self.history[own];
-                borne[own] = between.mean(|j| borne[j]) + history.beyond_leader;
-                pressed[own] = between.mean(|j| pressed[j]) + history.pressure_beyond_leader;
-            }
-        }
+        let [borne, pressed]: [fn(&Piece) -> Vector3<f64>; 2] = [|piece| -piece.load, |piece| piece.pressure];
+        let own_and_led = |of: fn(&Piece) -> Vector3<f64>, beyond: fn(&History) -> Vector3<f64>| {
+            let of_piece = |i: usize| match &self.between[i] {
+                None => of(&self.pieces[i]),
+                Some(between) => between.mean(|j| of(&self.pieces[j])) + beyond(&self.history[i]),
+            };
+            (0..self.parts.len()).map(of_piece).collect::<Vec<_>>()
+        };
+        let borne = own_and_led(borne, |history| history.beyond_leader);
+        let pressed = own_and_led(pressed, |history| history.pressure_beyond_leader);
         self.follow(states, env, t);
         let followed = self.pieces.clone();
+        let pasts: Vec<Past<Vector3<f64>>> = (0..self.parts.len()).map(|i| self.past(i)).collect();
         self.set_leaders(models, leader);
         self.locate(states, env, t);
         // What follows now, or does no more, keeps the acceleration that it had.
-        let HairVolume { framed, history, pieces, .. } = self;
-        let all = pieces.iter().zip(&followed).zip(framed.iter_mut().zip(&mut *history));
-        for ((piece, followed), (framed, history)) in all {
+        let HairVolume { framed, history, pieces, between, .. } = self;
+        let all = pieces.iter().zip(followed.iter().zip(&pasts)).zip(framed.iter_mut().zip(&mut *history));
+        for ((piece, (followed, past)), (framed, history)) in all {
             *framed = Placed { x: piece.x, tangent: piece.tangent };
-            history.before = followed.before.map(|before| piece.v + (before - followed.v));
+            history.before = past.map(|before| piece.v + (before - followed.v));
             history.unforced = piece.v - followed.acceleration * history.eta;
         }
-        for follower in &self.followers {
-            for (own, between) in follower.pieces(&self.first) {
-                history[own].beyond_leader = borne[own] - between.mean(|j| borne[j]);
-                history[own].pressure_beyond_leader = pressed[own] - between.mean(|j| pressed[j]);
+        for (own, (between, history)) in between.iter().zip(history).enumerate() {
+            if let Some(between) = between {
+                history.beyond_leader = borne[own] - between.mean(|j| borne[j]);
+                history.pressure_beyond_leader = pressed[own] - between.mean(|j| pressed[j]);
             }
         }
     }
 
     /// Sets which active guide each guide moves with: `leader`.
     fn set_leaders(&mut self, models: &[GuideModel], leader: impl Fn(usize) -> usize) {
+        self.leaders = (0..models.len()).map(leader).collect();
         // Arc length in the middle of each piece of a guide, as a share of the guide's length.
         let middles = |i: usize| {
             let rod = &models[i].rod;
             let middle = |Part { points, .. }: &Part| {
                 0.5 * (rod.arc[points.start] + rod.arc[points.end - 1]) / rod.length()
             };
-            self.parts[self.first[i]..self.first[i + 1]].iter().map(middle).collect::<Vec<f64>>()
+            self.parts[self.pieces_of(i)].iter().map(middle).collect::<Vec<f64>>()
         };
-        let follower = |(guide, leader): (usize, usize)| {
-            Follower::new([guide, leader], &middles(guide), &middles(leader))
-        };
-        let leaders: Vec<usize> = (0..models.len()).map(leader).collect();
-        let pairs = leaders.iter().copied().enumerate();
-        self.followers = pairs.filter(|(guide, leader)| guide != leader).map(follower).collect();
-        self.leaders = leaders;
+        let mut places = vec![None; self.parts.len()];
+        for (guide, &leader) in self.leaders.iter().enumerate().filter(|(guide, leader)| guide != *leader) {
+            let (own, of_leader) = (middles(guide), middles(leader));
+            for (piece, s) in self.pieces_of(guide).zip(own) {
+                places[piece] = Some(Between::new(s, &of_leader, self.pieces_of(leader)));
+            }
+        }
+        self.led = Led::new(&places);
+        self.between = places;
+    }
+
+    /// The pieces of guide `i`.
+    fn pieces_of(&self, i: usize) -> Range<usize> {
+        self.first[i]..self.first[i + 1]
+    }
+
+    /// [`History::before`] of piece `i`: that of a follower is its leader's.
+    fn past(&self, i: usize) -> Past<Vector3<f64>> {
+        match &self.between[i] {
+            None => self.history[i].before,
+            Some(between) => std::array::from_fn(|back| between.mean(|j| self.history[j].before[back])),
+        }
     }
 
     /// What a checkpoint holds.
@@ -311,16 +315,22 @@ impl HairVolume {
         self.press_and_drag(h);
         let volume = &*self;
         let of_active = states.par_iter_mut().enumerate().filter(|(i, _)| active(*i));
-        of_active.for_each(|(i, state)| volume.add_force(i, &models[i], state, env, t));
+        let to_world = (env.head)(t).rotation;
+        of_active.for_each(|(i, state)| volume.add_force(i, &models[i], state, &to_world));
         self.record()
     }
 
     /// Adds to guide `i` the forces of the last sub-step of the hair around it and, where it leads, around what
-    /// follows it, with the head as at time `t`, s.
-    fn add_force(&self, i: usize, model: &GuideModel, state: &mut GuideState, env: &Environment, t: f64) {
-        let to_world = (env.head)(t).rotation;
+    /// follows it; `to_world` turns from head axes.
+    fn add_force(
+        &self,
+        i: usize,
+        model: &GuideModel,
+        state: &mut GuideState,
+        to_world: &UnitQuaternion<f64>,
+    ) {
         let forces = state.hair_force_mut();
-        for piece in self.first[i]..self.first[i + 1] {
+        for piece in self.pieces_of(i) {
             let Piece { pressure, load, .. } = &self.pieces[piece];
             self.parts[piece].push(&model.rod, &[pressure, load].map(|of| to_world * of), forces);
         }
@@ -328,7 +338,7 @@ impl HairVolume {
 
     /// What opposed slip across guide `i` in the last sub-step, in the mean along it.
     pub fn opposition(&self, i: usize) -> NeighbourDrag {
-        let pieces = self.first[i]..self.first[i + 1];
+        let pieces = self.pieces_of(i);
         let of_guide = || self.pieces[pieces.clone()].iter().zip(&self.parts[pieces.clone()]);
         let mass: f64 = of_guide().map(|(_, part)| part.mass).sum();
         let mean = |of: fn(&NeighbourDrag) -> f64| {
@@ -341,142 +351,139 @@ impl HairVolume {
     fn locate(&mut self, states: &[GuideState], env: &Environment, t: f64) {
         let HairVolume { hairs, parts, pieces, grid, .. } = self;
         let head = CarrierVelocity::of_head(env, t);
-        for (piece, Part { guide, points, shares, length, .. }) in pieces.iter_mut().zip(parts) {
-            let state = &states[*guide];
-            let mean = |of: &[Vector3<f64>]| {
-                of[points.clone()].iter().zip(&*shares).map(|(v, share)| v * *share).sum::<Vector3<f64>>()
-            };
-            let (x, v, tangent) = (mean(&state.x), mean(&state.v), mean(&state.tangent));
-            let x = head.to_head(&x);
-            let absent = hairs[*guide].loose && !grid.contains(&x);
-            *piece = Piece {
-                x,
-                v: head.relative_velocity_at(&x, &v),
-                tangent: head.rotate_to_head(&tangent),
-                absent,
-                volume: if absent { 0.0 } else { hairs[*guide].area * *length },
-                ..Piece::default()
-            };
-        }
+        let all = pieces.par_iter_mut().zip(&*parts).with_min_len(MIN_PIECES);
+        all.for_each(|(piece, part)| {
+            *piece = Piece::of(&states[part.guide], part, &hairs[part.guide], &head, grid)
+        });
     }
 
     /// Finds the pieces as they are at time `t`, s; since the end of the frame followers have moved as their
     /// leaders.
     fn follow(&mut self, states: &[GuideState], env: &Environment, t: f64) {
-        self.locate(states, env, t);
-        let HairVolume { first, framed, history, followers, pieces, .. } = self;
-        for (piece, history) in pieces.iter_mut().zip(&*history) {
-            piece.before = history.before;
-            piece.acceleration = (piece.v - history.unforced) / history.eta;
-        }
-        for follower in followers {
-            for (own, between) in follower.pieces(first) {
-                let moved = between.mean(|j| pieces[j].x - framed[j].x);
-                let turned = between.mean(|j| pieces[j].tangent - framed[j].tangent);
-                let acceleration = between.mean(|j| pieces[j].acceleration) + history[own].beyond_leader;
-                pieces[own] = Piece {
-                    x: framed[own].x + moved,
-                    v: between.mean(|j| pieces[j].v),
-                    tangent: framed[own].tangent + turned,
-                    before: std::array::from_fn(|back| between.mean(|j| pieces[j].before[back])),
-                    acceleration,
-                    ..pieces[own]
-                };
-            }
-        }
+        let HairVolume { hairs, parts, framed, history, between, pieces, moved, grid, .. } = self;
+        let head = CarrierVelocity::of_head(env, t);
+        let constants = parts.par_iter().zip(&*between).zip(framed.par_iter().zip(&*history));
+        let all = pieces.par_iter_mut().zip(&mut *moved).zip(constants).with_min_len(MIN_PIECES);
+        all.filter(|(_, ((_, between), _))| between.is_none()).for_each(
+            |((piece, moved), ((part, _), (framed, history)))| {
+                *piece = Piece::of(&states[part.guide], part, &hairs[part.guide], &head, grid);
+                piece.acceleration = (piece.v - history.unforced) / history.eta;
+                let (by, turned) = (piece.x - framed.x, piece.tangent - framed.tangent);
+                *moved = Moved { by, turned, v: piece.v, acceleration: piece.acceleration };
+            },
+        );
+        let constants = parts.par_iter().zip(&*between).zip(framed.par_iter().zip(&*history));
+        let all = pieces.par_iter_mut().zip(constants).with_min_len(MIN_PIECES);
+        all.for_each(|(piece, ((part, between), (framed, history)))| {
+            let Some(between) = between else { return };
+            let x = framed.x + between.mean(|j| moved[j].by);
+            let v = between.mean(|j| moved[j].v);
+            let tangent = framed.tangent + between.mean(|j| moved[j].turned);
+            *piece = Piece::new([x, v, tangent], part, &hairs[part.guide], grid);
+            piece.acceleration = between.mean(|j| moved[j].acceleration) + history.beyond_leader;
+        });
     }
 
     /// Puts all hair on the grid as it is at time `t`, s, with the velocities that it would have at the end of a
     /// step of `h`, s, without its neighbours' drag.
     fn deposit(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, [t, h]: [f64; 2]) {
         self.follow(states, env, t);
-        let HairVolume { leaders, parts, pieces, axes, stencils, grid, .. } = self;
-        let constants = axes.par_iter_mut().zip(&*parts);
+        let HairVolume { leaders, parts, history, between, pieces, axes, stencils, deposits, grid, .. } =
+            self;
+        let constants = axes.par_iter_mut().zip(&*parts).with_min_len(MIN_PIECES);
         constants.for_each(|(axis, part)| *axis = part.mean_over_turn(|piece| pieces[piece].tangent));
-        grid.clear();
+        let past = |i: usize| match &between[i] {
+            None => history[i].before,
+            Some(between) => std::array::from_fn(|back| between.mean(|j| history[j].before[back])),
+        };
         let cell_volume = grid.cell_volume();
-        for ((piece, part), stencil) in pieces.iter_mut().zip(parts).zip(stencils) {
+        let places = stencils.par_iter_mut().zip(&mut *deposits);
+        let all = pieces.par_iter_mut().zip(places).zip(&*parts).enumerate().with_min_len(MIN_PIECES);
+        all.for_each(|(i, ((piece, (stencil, deposit)), part))| {
             let leader = leaders[part.guide];
             let formula = models[leader].difference_formula(&states[leader], h);
             piece.eta = formula.eta;
-            let [one, two, three] = piece.before;
+            let [one, two, three] = past(i);
             piece.undragged = formula.y_star([piece.v, one, two, three]) + piece.acceleration * piece.eta;
+            *stencil = grid.stencil(&piece.x);
             let fraction = piece.volume / cell_volume;
             let (v, d) = (piece.undragged * fraction, piece.tangent * fraction);
-            *stencil = grid.touch(&piece.x);
-            grid.add(stencil, &[fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0]);
-        }
+            *deposit = [fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0];
+        });
+        grid.make_blocks(stencils);
+        grid.sum(stencils, deposits);
     }
 
     /// Finds the pressure of the hair on the grid and the drag of neighbours over a step of `h`, s.
     fn press_and_drag(&mut self, h: f64) {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
-        let HairVolume { hairs, parts, rest, pieces, axes, stencils, grid, .. } = self;
-        let constants = parts.par_iter().zip(&*rest).zip(&*stencils).zip(&*axes);
-        let all = pieces.par_iter_mut().zip(constants).filter(|(piece, _)| !piece.absent);
-        all.for_each(|(piece, (((part, rest), stencil), axis))| {
-            let (hairs, values) = (&hairs[part.guide], grid.values(stencil));
-            let assembly = assembly(&values);
-            let mean = Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
-            piece.energy_slope = assembly.energy_slope(&hairs.fibre, rest.fraction, max_speed);
-            piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(&hairs.fibre) > max_speed;
-            piece.fraction = assembly.fraction;
-            let mut slip = piece.undragged - mean;
-            let mobility = piece.eta * part.length / part.mass;
-            let mut resistance = hairs.resistance(&assembly, mobility);
-            let [friction, air] = [resistance.friction[0], resistance.drag[0]].map(|of| of / piece.eta);
-            piece.opposition = NeighbourDrag { friction, air };
-            let unopposed = slip;
-            if let Some(crossing) = Crossing::of((grid, stencil), &assembly, axis) {
-                piece.repulsion = crossing.repulsion(&hairs.fibre, rest.crossing, max_speed);
-                let stopped = crossing.stopped(&slip, piece.eta);
-                let pressed = stopped.norm() + mobility * hairs.fibre.area * piece.repulsion.norm();
-                resistance.press(pressed * hairs.fibre.friction);
-                slip -= stopped;
-            }
-            piece.slip = resistance.slip_left(&slip, &piece.tangent);
-            piece.drag = (piece.slip - unopposed) / piece.eta;
-        });
+        let HairVolume { hairs, parts, rest, pieces, axes, stencils, deposits, grid, .. } = self;
         let cell_volume = grid.cell_volume();
-        for (piece, stencil) in pieces.iter().zip(stencils).filter(|(piece, _)| piece.energy_slope > 0.0) {
-            grid.add_entry(stencil, PRESSURE, piece.energy_slope * piece.volume / cell_volume);
-        }
+        let constants = parts.par_iter().zip(&*rest).zip(&*stencils).zip(&*axes);
+        let all = pieces.par_iter_mut().zip(&mut *deposits).zip(constants).with_min_len(MIN_PIECES);
+        all.filter(|((piece, _), _)| !piece.absent).for_each(
+            |((piece, deposit), (((part, rest), stencil), axis))| {
+                let (hairs, values) = (&hairs[part.guide], grid.values(stencil));
+                let assembly = assembly(&values);
+                let mean = Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
+                piece.energy_slope = assembly.energy_slope(&hairs.fibre, rest.fraction, max_speed);
+                piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(&hairs.fibre) > max_speed;
+                piece.fraction = assembly.fraction;
+                let mut slip = piece.undragged - mean;
+                let mobility = piece.eta * part.length / part.mass;
+                let mut resistance = hairs.resistance(&assembly, mobility);
+                let [friction, air] = [resistance.friction[0], resistance.drag[0]].map(|of| of / piece.eta);
+                piece.opposition = NeighbourDrag { friction, air };
+                let unopposed = slip;
+                if let Some(crossing) = Crossing::of((grid, stencil), &assembly, axis) {
+                    piece.repulsion = crossing.repulsion(&hairs.fibre, rest.crossing, max_speed);
+                    let stopped = crossing.stopped(&slip, piece.eta);
+                    let pressed = stopped.norm() + mobility * hairs.fibre.area * piece.repulsion.norm();
+                    resistance.press(pressed * hairs.fibre.friction);
+                    slip -= stopped;
+                }
+                piece.slip = resistance.slip_left(&slip, &piece.tangent);
+                piece.drag = (piece.slip - unopposed) / piece.eta;
+                deposit[PRESSURE] = piece.energy_slope * piece.volume / cell_volume;
+            },
+        );
+        grid.add_entry(stencils, PRESSURE, deposits);
         self.sum_wisps();
     }
 
     /// Finds the forces on wisps: a guide that leads others moves as they do on average, under the mean of
     /// the forces on all of them.
     fn sum_wisps(&mut self) {
-        let HairVolume { hairs, parts, first, history, followers, pieces, stencils, grid, .. } = self;
-        let places = parts.par_iter().zip(&*stencils);
-        let here = pieces.par_iter_mut().zip(places).filter(|(piece, _)| !piece.absent);
-        here.for_each(|(piece, (part, stencil))| {
+        let HairVolume { hairs, parts, history, between, pieces, beyond, stencils, grid, .. } = self;
+        let all = pieces.par_iter_mut().zip(&*parts).zip(&*stencils).with_min_len(MIN_PIECES);
+        all.filter(|((piece, _), _)| !piece.absent).for_each(|((piece, part), stencil)| {
             // −∂/∂x of the energy Σ V u(φ), as deposited.
             let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
             let force = piece.repulsion - grid.gradient(stencil, energy);
             piece.pressure = force * hairs[part.guide].fibre.area;
-            piece.wisp = WispForce::of_leader(piece.volume);
         });
-        for follower in followers {
-            for (own, between) in follower.pieces(first) {
-                let Piece { volume, pressure, drag, .. } = pieces[own];
-                let borne = between.mean(|j| pieces[j].pressure) + history[own].pressure_beyond_leader;
-                let pressure = pressure - borne;
-                let load = drag + history[own].beyond_leader - between.mean(|j| pieces[j].drag);
-                for (of_leader, share) in between.shares() {
-                    pieces[of_leader].wisp.add(share * volume, &pressure, &load);
-                }
-            }
-        }
-        for (piece, history) in pieces.iter_mut().zip(history) {
+        let constants = pieces.par_iter().zip(&*between).zip(&*history);
+        let all = beyond.par_iter_mut().zip(constants).with_min_len(MIN_PIECES);
+        all.for_each(|(beyond, ((piece, between), history))| {
+            let Some(between) = between else { return };
+            let borne = between.mean(|j| pieces[j].pressure) + history.pressure_beyond_leader;
+            *beyond = Beyond {
+                volume: piece.volume,
+                pressure: piece.pressure - borne,
+                load: piece.drag + history.beyond_leader - between.mean(|j| pieces[j].drag),
+            };
+        });
+        let HairVolume { history, led, pieces, beyond, .. } = self;
+        let all = pieces.par_iter_mut().zip(history).enumerate().with_min_len(MIN_PIECES);
+        all.for_each(|(i, (piece, history))| {
             if !piece.absent {
-                let [pressure, load] = piece.wisp.means();
+                let [pressure, load] = led.mean(i, piece.volume, beyond);
                 (piece.pressure, piece.load) = (piece.pressure + pressure, piece.drag + load);
             }
-            history.before = [piece.v, piece.before[0], piece.before[1]];
+            history.before = [piece.v, history.before[0], history.before[1]];
             history.unforced = piece.undragged + (piece.load - piece.acceleration) * piece.eta;
             history.eta = piece.eta;
-        }
+        });
     }
 
     /// The hair around piece `i`, in the groom's pose.

@@ -526,7 +526,8 @@ fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
             for i in (leader..16).step_by(2) {
                 let force = match i == leader {
                     true => {
-                        let [pressure, load] = volume.pieces[own].wisp.means();
+                        let [pressure, load] =
+                            volume.led.mean(own, volume.pieces[own].volume, &volume.beyond);
                         -(pressure * part.length + load * part.mass)
                     }
                     false => apart[i][k].force,
