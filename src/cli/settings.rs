@@ -36,7 +36,7 @@ pub struct SettingsArguments {
     /// Which guides are simulated [default: auto]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
     resolution: Option<Resolution>,
-    /// Error at which a guide splits from its wisp, as a fraction of guide length [default: 0.005]
+    /// Error at which a guide splits from its wisp, as a fraction of guide length [default: 0.01]
     ///
     /// The error is estimated. From 0 to 1, for adaptive resolution only. Raising it is faster and less
     /// accurate.

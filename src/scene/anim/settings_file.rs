@@ -27,8 +27,8 @@ pub struct SettingsFile {
     pub resolution: Resolution,
     /// With adaptive resolution: the deviation at which a guide splits off from the guides that lead it,
     /// relative to its length. The deviation is estimated from differences between its leaders and from
-    /// contacts of the guide. Lower is more accurate and slower. The default keeps strands within some tenths
-    /// of a percent of their length of a full bake.
+    /// contacts of the guide. Lower is more accurate and slower. The default keeps the mean curves of
+    /// locks within a percent of their length of a full bake.
     #[serde(alias = "parting")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub split_tolerance: f64,
