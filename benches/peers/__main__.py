@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from . import task
+from .dismech_rods import DismechRods
 from .elastica_rods import ElasticaRods
 from .hairbake_rods import HairbakeRods
 from .mujoco_chain import MujocoRods
@@ -65,13 +66,23 @@ def tables(binary: Path) -> list[Table]:
         Table(
             f"At rest within {task.TOLERANCE} L; 10 steps a frame where the program can",
             False,
-            [HairbakeRods(binary, 3, 10), MujocoRods(13, 10, True), ElasticaRods(10, 160, True, 0.007)],
+            [
+                HairbakeRods(binary, 3, 10),
+                MujocoRods(13, 10, True),
+                ElasticaRods(10, 160, True, 0.007),
+                DismechRods(22, 10),
+            ],
             [MujocoRods(32, 10, False), ElasticaRods(32, 320, False, 0.008)],
         ),
         Table(
             f"At rest and in motion within {task.TOLERANCE} L",
             True,
-            [HairbakeRods(binary, 3, 4), MujocoRods(16, 40, True), ElasticaRods(13, 400, True, 0.004)],
+            [
+                HairbakeRods(binary, 3, 4),
+                MujocoRods(16, 40, True),
+                ElasticaRods(13, 400, True, 0.004),
+                DismechRods(22, 3),
+            ],
             [HairbakeRods(binary, 7, 10)],
         ),
     ]
