@@ -21,7 +21,7 @@ from newton import ModelBuilder, Rod  # noqa: E402
 RADIUS = 0.005
 """Radius of the segments, m; it enters the inertia of twist only."""
 STRETCH = 3e5
-"""Axial stiffness of a segment, N/m. Lower errs by its softness, higher in single precision."""
+"""Axial stiffness of a segment, N/m. Of 1e5, 3e5 and 1e6 that with the least error in motion."""
 
 
 @dataclass

@@ -227,7 +227,8 @@ impl HairVolume {
         let pressed = own_and_led(pressed, |history| history.pressure_beyond_leader);
         self.follow(states, env, t);
         let followed = self.pieces.clone();
-        let pasts: Vec<Past<Vector3<f64>>> = (0..self.parts.len()).map(|i| self.past(i)).collect();
+        let pasts: Vec<Past<Vector3<f64>>> =
+            (0..self.parts.len()).map(|i| past(&self.history, &self.between, i)).collect();
         self.set_leaders(models, leader);
         self.locate(states, env, t);
         // What follows now, or does no more, keeps the acceleration that it had.
@@ -271,14 +272,6 @@ impl HairVolume {
     /// The pieces of guide `i`.
     fn pieces_of(&self, i: usize) -> Range<usize> {
         self.first[i]..self.first[i + 1]
-    }
-
-    /// [`History::before`] of piece `i`: that of a follower is its leader's.
-    fn past(&self, i: usize) -> Past<Vector3<f64>> {
-        match &self.between[i] {
-            None => self.history[i].before,
-            Some(between) => std::array::from_fn(|back| between.mean(|j| self.history[j].before[back])),
-        }
     }
 
     /// What a checkpoint holds.
@@ -392,10 +385,6 @@ impl HairVolume {
             self;
         let constants = axes.par_iter_mut().zip(&*parts).with_min_len(MIN_PIECES);
         constants.for_each(|(axis, part)| *axis = part.mean_over_turn(|piece| pieces[piece].tangent));
-        let past = |i: usize| match &between[i] {
-            None => history[i].before,
-            Some(between) => std::array::from_fn(|back| between.mean(|j| history[j].before[back])),
-        };
         let cell_volume = grid.cell_volume();
         let places = stencils.par_iter_mut().zip(&mut *deposits);
         let all = pieces.par_iter_mut().zip(places).zip(&*parts).enumerate().with_min_len(MIN_PIECES);
@@ -403,7 +392,7 @@ impl HairVolume {
             let leader = leaders[part.guide];
             let formula = models[leader].difference_formula(&states[leader], h);
             piece.eta = formula.eta;
-            let [one, two, three] = past(i);
+            let [one, two, three] = past(history, between, i);
             piece.undragged = formula.y_star([piece.v, one, two, three]) + piece.acceleration * piece.eta;
             *stencil = grid.stencil(&piece.x);
             let fraction = piece.volume / cell_volume;
@@ -529,6 +518,14 @@ impl Hairs {
         let air = mobility * self.drag * self.shielding * shielded;
         let friction = assembly.friction_bounds(&self.fibre).map(|bound| mobility * bound);
         Resistance { friction, drag: [air, 0.5 * air] }
+    }
+}
+
+/// [`History::before`] of piece `i`: that of a follower is its leader's.
+fn past(history: &[History], between: &[Option<Between>], i: usize) -> Past<Vector3<f64>> {
+    match &between[i] {
+        None => history[i].before,
+        Some(between) => std::array::from_fn(|back| between.mean(|j| history[j].before[back])),
     }
 }
 

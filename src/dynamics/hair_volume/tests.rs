@@ -452,9 +452,17 @@ fn a_follower_is_where_its_leader_carries_it() {
             assert!((piece.v - V::new(0.0, 0.1, 0.0)).norm() < 1e-6);
         }
     }
+    // The velocities of the sub-steps before are its leader's.
+    let Curtain { models, states, volume, env } = &mut hair;
+    let earlier = |i: usize, volume: &HairVolume| past(&volume.history, &volume.between, volume.first[i])[0];
+    let jerk = V::new(0.0, 0.0, 0.7);
+    let of_leader = volume.first[1]..volume.first[2];
+    of_leader.clone().for_each(|piece| volume.history[piece].before[0] += jerk);
+    assert!((earlier(15, volume) - earlier(1, volume)).norm() < 1e-12);
+    assert!((earlier(15, volume) - earlier(0, volume) - jerk).norm() < 1e-6);
+    of_leader.for_each(|piece| volume.history[piece].before[0] -= jerk);
     // What the leader is pushed by pushes it too, and still does once it moves by itself.
     let push = V::new(0.2, 0.0, -0.1);
-    let Curtain { models, states, volume, env } = &mut hair;
     (volume.first[1]..volume.first[2]).for_each(|piece| volume.history[piece].unforced -= push * H);
     volume.deposit(models, states, env, [0.0, H]);
     let of_last = volume.first[15]..volume.first[16];
