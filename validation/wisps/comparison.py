@@ -9,7 +9,7 @@ import numpy as np
 from .bakes import SceneFiles, bake, nudged
 from .measures import StrandMotion, acceleration_ratios, distances, final_state, lock_distances
 
-SPLIT_TOLERANCES = (0.005, 0.02, 0.06)
+SPLIT_TOLERANCES = (0.01, 0.02, 0.06)
 """Split tolerances of the adaptive bakes."""
 
 
