@@ -71,12 +71,14 @@ impl ContactLoad {
     }
 }
 
-/// Buffers of [`Solver::linearise_loaded`].
+/// Buffers of [`Solver::linearise_loaded`] and [`Solver::linearise_stiffened`].
 #[derive(Debug, Default)]
 pub struct ContactLoadBuffers {
     load: Load,
     wrench: Vec<Twist<f64>>,
     hessian: Vec<f64>,
+    /// The Hessian with the geometric stiffness of twice the forces.
+    doubled: Vec<f64>,
     row: Vec<f64>,
 }
 
@@ -97,7 +99,7 @@ impl Solver {
         if contacts.is_empty() {
             return self.linearise(rod, load, q);
         }
-        let ContactLoadBuffers { load: loaded, wrench, hessian: matrix, row } = buffers;
+        let ContactLoadBuffers { load: loaded, wrench, hessian: matrix, row, .. } = buffers;
         let n = q.len();
         loaded.clone_from(load);
         for contact in contacts {
@@ -151,8 +153,8 @@ impl Solver {
 
 impl Solver {
     /// [`Solver::linearise`] of a rod under `forces`: segment, fraction of it, force, N, world. The Hessian
-    /// includes the part of their geometric stiffness that stiffens the rod (`docs/theory.md` §5.2); the direction
-    /// excludes the forces.
+    /// includes their geometric stiffness, or, where that more than halves a stiffness, the part of it that stiffens
+    /// the rod (`docs/theory.md` §5.2); the direction excludes the forces.
     pub fn linearise_stiffened(
         &mut self,
         rod: &Rod,
@@ -164,7 +166,7 @@ impl Solver {
         if forces.is_empty() {
             return self.linearise(rod, load, q);
         }
-        let ContactLoadBuffers { load: loaded, wrench, hessian: matrix, .. } = buffers;
+        let ContactLoadBuffers { load: loaded, wrench, hessian: matrix, doubled, .. } = buffers;
         let n = q.len();
         loaded.clone_from(load);
         for (k, u, force) in forces {
@@ -177,25 +179,47 @@ impl Solver {
         hessian(core, loaded, shape, sensitivity, wrench, q, 1.0, matrix);
         gradient(core, load, shape, sensitivity, q, &mut self.direction, wrench);
         hessian(core, load, shape, sensitivity, wrench, q, 1.0, &mut self.factor);
-        let entry = |a: usize, b: usize| a.max(b) * n + a.min(b);
-        let geometric = DMatrix::from_fn(n, n, |a, b| matrix[entry(a, b)] - self.factor[entry(a, b)]);
-        let Some(modes) = SymmetricEigen::try_new(geometric, f64::EPSILON, EIGEN_ITERATIONS * n) else {
+        self.direction.iter_mut().for_each(|d| *d = -*d);
+        // If H + 2K is definite, H + K is above H/2.
+        doubled.clear();
+        doubled.extend(matrix.iter().zip(&self.factor).map(|(loaded, alone)| 2.0 * loaded - alone));
+        if cholesky::factor(doubled, n) == 1 {
+            self.factor.clone_from(matrix);
+        } else if !add_stiffening(matrix, &mut self.factor, n) {
             return self.linearise(rod, load, q);
-        };
-        for (stiffness, mode) in modes.eigenvalues.iter().zip(modes.eigenvectors.column_iter()) {
-            for a in (0..n).filter(|_| *stiffness > 0.0) {
-                for b in 0..=a {
-                    self.factor[a * n + b] += stiffness * mode[a] * mode[b];
-                }
-            }
         }
         if cholesky::factor(&mut self.factor, n) != 1 {
             return self.linearise(rod, load, q);
         }
-        self.direction.iter_mut().for_each(|d| *d = -*d);
         cholesky::solve_lower(&self.factor, n, &mut self.direction);
         true
     }
+
+    /// Linearises anew at `q`, near to where [`Solver::factor`] was found, which is kept.
+    pub fn relinearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) {
+        self.sensitivity.update(rod, &self.shape, q);
+        self.negative_gradient(&rod.core, load, q);
+        cholesky::solve_lower(&self.factor, q.len(), &mut self.direction);
+    }
+}
+
+/// Adds to the Hessian `alone` of a rod without forces the part with positive eigenvalues of their geometric
+/// stiffness, which the one `loaded` has in addition; both are lower triangles of `n` rows. Returns `false` if the
+/// eigenvalues are not found.
+fn add_stiffening(loaded: &[f64], alone: &mut [f64], n: usize) -> bool {
+    let entry = |a: usize, b: usize| a.max(b) * n + a.min(b);
+    let geometric = DMatrix::from_fn(n, n, |a, b| loaded[entry(a, b)] - alone[entry(a, b)]);
+    let Some(modes) = SymmetricEigen::try_new(geometric, f64::EPSILON, EIGEN_ITERATIONS * n) else {
+        return false;
+    };
+    for (stiffness, mode) in modes.eigenvalues.iter().zip(modes.eigenvectors.column_iter()) {
+        for a in (0..n).filter(|_| *stiffness > 0.0) {
+            for b in 0..=a {
+                alone[a * n + b] += stiffness * mode[a] * mode[b];
+            }
+        }
+    }
+    true
 }
 
 /// Adds a spring along `row` to the lower triangle of `hessian`, `stiffening` times as stiff as its diagonal
@@ -319,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn forces_stiffen_a_rod_that_they_draw_out_and_do_not_soften_one_that_they_press() {
+    fn forces_stiffen_a_rod_that_they_draw_out_and_do_not_buckle_one_that_they_press_hard() {
         let ends = [Vector3::zeros(), Vector3::new(0.0, 0.2, 0.0)];
         let rod = Rod::new(&RodSource::hair(&ends, &[0.0, 0.2, 0.5, 1.0])).unwrap();
         let load = at_rest(&rod, 0.1);
@@ -330,29 +354,47 @@ mod tests {
             let forces = [(tip, 1.0, Vector3::y() * force)];
             let buffers = &mut ContactLoadBuffers::default();
             assert!(solver.linearise_stiffened(&rod, &load, &forces, &rod.initial_q, buffers));
-            (solver.factor, solver.direction)
+            solver.factor
         };
-        let contact = ContactLoad {
+        let contact = |force: f64| ContactLoad {
             segment: tip,
             u: 1.0,
-            force: Vector3::y() * 1e-5,
+            force: Vector3::y() * force,
             normal: Vector3::y(),
             sticks: false,
             slides_along: None,
             moment: None,
         };
-        let [(exact, _), (alone, _)] = [&[contact][..], &[]].map(|contacts| {
-            let (solver, slope) = linearised(&rod, &load, contacts, &rod.initial_q);
-            (solver.factor, slope)
-        });
+        let under = |contacts: &[ContactLoad]| linearised(&rod, &load, contacts, &rod.initial_q).0.factor;
+        let alone = under(&[]);
         let n = rod.unknowns();
         let distance = |a: &[f64], b: &[f64]| {
             let lower = (0..n).flat_map(|i| (0..=i).map(move |j| i * n + j));
             lower.map(|k| (a[k] - b[k]).abs() / b[k].abs().max(1e-3 * b[n * n - 1].abs())).fold(0.0, f64::max)
         };
-        assert!(distance(&factor(1e-5).0, &exact) < 1e-6, "{}", distance(&factor(1e-5).0, &exact));
-        assert!(distance(&factor(-1e-5).0, &alone) < 1e-6, "{}", distance(&factor(-1e-5).0, &alone));
-        assert!(distance(&exact, &alone) > 1e-2, "{}", distance(&exact, &alone));
+        for gentle in [1e-5, -1e-7] {
+            let exact = under(&[contact(gentle)]);
+            assert!(distance(&factor(gentle), &exact) < 1e-6, "{}", distance(&factor(gentle), &exact));
+            assert!(distance(&exact, &alone) > 1e-3, "{}", distance(&exact, &alone));
+        }
+        assert!(distance(&factor(-1e-5), &alone) < 1e-6, "{}", distance(&factor(-1e-5), &alone));
+    }
+
+    #[test]
+    fn a_rod_linearised_anew_near_its_factor_has_its_own_gradient() {
+        let rod = hair();
+        let load = at_rest(&rod, 0.1);
+        let moved: Vec<f64> = rod.initial_q.iter().map(|q| q + 1e-3).collect();
+        let (mut solver, _) = linearised(&rod, &load, &[], &rod.initial_q);
+        let (factor, n) = (solver.factor.clone(), moved.len());
+        solver.shape.update(&rod, &rod.root.r, &moved);
+        solver.relinearise(&rod, &load, &moved);
+        assert_eq!(solver.factor, factor);
+        let (_, slope) = linearised(&rod, &load, &[], &moved);
+        let mut expected = slope;
+        cholesky::solve_lower(&factor, n, &mut expected);
+        let scale = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(solver.direction.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-9 * scale));
     }
 
     #[test]

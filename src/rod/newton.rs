@@ -328,7 +328,7 @@ impl<F: Real> Solver<F> {
 
     /// Sets the Jacobians of the segments, and the direction to −gradient.
     #[inline(always)]
-    fn negative_gradient(&mut self, core: &RodCore<F>, load: &Load<F>, q: &[F]) {
+    pub(super) fn negative_gradient(&mut self, core: &RodCore<F>, load: &Load<F>, q: &[F]) {
         self.sensitivity.update_jacobians(&self.shape);
         gradient(core, load, &self.shape, &self.sensitivity, q, &mut self.direction, &mut self.wrench);
         for g in &mut self.direction {
