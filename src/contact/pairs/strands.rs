@@ -73,6 +73,11 @@ impl MovingStrands<'_> {
         Self::closest(pair, [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)])
     }
 
+    /// Distance of a pair at the end of the sub-step, m.
+    pub fn end_distance(&self, pair: SegmentPair) -> f64 {
+        Self::closest(pair, [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)]).distance
+    }
+
     /// The closest points of two segments with these ends.
     pub(super) fn closest(pair: SegmentPair, [p, q]: [[Vector3<f64>; 2]; 2]) -> ClosestPair {
         let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);

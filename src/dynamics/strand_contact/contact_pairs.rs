@@ -36,6 +36,11 @@ const MAX_SLIDE: f64 = 2.0;
 /// Distance within which an impact is a consequence of an earlier one, in segments summed over both guides.
 const CONSEQUENCE_DISTANCE: f64 = 3.0;
 
+/// Share of the distance of two segments at the start, and of the one that they keep, below which they touch at
+/// the end: segments that turn a lot in a sub-step slip past contacts beside them, which keep their distance
+/// along their normals alone.
+const TOUCHING_SHARE: f64 = 0.5;
+
 /// Arc length within which a guide does not meet itself, over the largest distance that it must keep from
 /// itself: half a turn as tight as that distance allows.
 const HALF_TURN: f64 = std::f64::consts::FRAC_PI_2;
@@ -59,6 +64,8 @@ pub(super) struct Impact {
     contact: SegmentContact,
     /// True if the segments would pass through each other.
     crosses: bool,
+    /// True if they would, or end at less than [`TOUCHING_SHARE`] of the distance that they have or keep.
+    touches: bool,
 }
 
 /// The active guides as polylines through the points of their rods and the midpoints of the curve between
@@ -296,10 +303,10 @@ impl ContactPairs {
             let first = self.contacts.len();
             for impact in same {
                 // An impact close after another one, or close to a violated contact, is a consequence of it.
-                // An equivalent contact that is kept while the segments cross does not prevent the crossing:
-                // nearly parallel segments pass it by.
+                // An equivalent contact that is kept while the segments touch or cross does not prevent that:
+                // segments that are nearly parallel, or turn, pass it by.
                 let near = |m: &SegmentContact| distance(m, &impact.contact) <= CONSEQUENCE_DISTANCE;
-                let prevents = |p: &ContactPair| !impact.crosses || !p.is_passed_by();
+                let prevents = |p: &ContactPair| !impact.touches || !p.is_passed_by();
                 let is_covered = known.clone().any(|(_, p)| {
                     near(&p.contact) && p.contact.distance < 0.0
                         || are_equivalent(&p.contact, &impact.contact) && prevents(p)
@@ -321,7 +328,10 @@ impl ContactPairs {
             }
             let (contact, time) = strands.impact(closest, *required)?;
             let guides = self.guides(&contact);
-            Some(Impact { guides, time, contact, crosses: strands.crosses(closest.pair) })
+            let crosses = strands.crosses(closest.pair);
+            let least = TOUCHING_SHARE * required.min(closest.distance);
+            let touches = crosses || strands.end_distance(closest.pair) < least;
+            Some(Impact { guides, time, contact, crosses, touches })
         };
         self.candidates.par_iter().filter_map(impact).collect()
     }
