@@ -194,13 +194,6 @@ impl Solver {
         cholesky::solve_lower(&self.factor, n, &mut self.direction);
         true
     }
-
-    /// Linearises anew at `q`, near to where [`Solver::factor`] was found, which is kept.
-    pub fn relinearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) {
-        self.sensitivity.update(rod, &self.shape, q);
-        self.negative_gradient(&rod.core, load, q);
-        cholesky::solve_lower(&self.factor, q.len(), &mut self.direction);
-    }
 }
 
 /// Adds to the Hessian `alone` of a rod without forces the part with positive eigenvalues of their geometric
@@ -372,12 +365,27 @@ mod tests {
             let lower = (0..n).flat_map(|i| (0..=i).map(move |j| i * n + j));
             lower.map(|k| (a[k] - b[k]).abs() / b[k].abs().max(1e-3 * b[n * n - 1].abs())).fold(0.0, f64::max)
         };
-        for gentle in [1e-5, -1e-7] {
+        for (gentle, effect) in [(1e-5, 1e-2), (-1e-7, 1e-3)] {
             let exact = under(&[contact(gentle)]);
             assert!(distance(&factor(gentle), &exact) < 1e-6, "{}", distance(&factor(gentle), &exact));
-            assert!(distance(&exact, &alone) > 1e-3, "{}", distance(&exact, &alone));
+            assert!(distance(&exact, &alone) > effect, "{}", distance(&exact, &alone));
         }
-        assert!(distance(&factor(-1e-5), &alone) < 1e-6, "{}", distance(&factor(-1e-5), &alone));
+        // Half of the load at which the rod buckles, by bisection: beyond it nothing of the force is left.
+        let (mut gentle, mut hard) = (1e-7, 1e-5);
+        for _ in 0..30 {
+            let middle = 0.5 * (gentle + hard);
+            *if distance(&factor(-middle), &alone) < 1e-6 { &mut hard } else { &mut gentle } = middle;
+        }
+        for hard in [1.01 * hard, 1.9 * hard] {
+            assert!(distance(&factor(-hard), &alone) < 1e-6, "{}", distance(&factor(-hard), &alone));
+        }
+        // The whole of 1.9 times as much would still soften the rod, that of 2.1 buckles it.
+        let determinant = |factor: &[f64]| (0..n).map(|a| -factor[a * n + a].ln()).sum::<f64>();
+        let [before, beyond] = [1.9, 2.1].map(|times| determinant(&under(&[contact(-times * hard)])));
+        assert!(
+            before < determinant(&alone) - 1.0 && beyond > determinant(&alone) - 0.1,
+            "{before} {beyond}"
+        );
     }
 
     #[test]

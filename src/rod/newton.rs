@@ -160,6 +160,13 @@ impl Solver {
         sound
     }
 
+    /// [`Solver::linearise`] at `q`, 1/m, near the unknowns where [`Solver::factor`] was found, which is kept.
+    pub fn relinearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) {
+        self.negative_gradient(&rod.core, load, q);
+        self.sensitivity.update_twists(&rod.core, &self.shape, q);
+        cholesky::solve_lower(&self.factor, q.len(), &mut self.direction);
+    }
+
     /// Moves `q` along [`Solver::direction`], shortened so that no segment turns by more than `MAX_TURN`
     /// and no point moves by more than `most`, m. Updates the shape and returns the largest displacement of a
     /// point, m; infinite if no part of the direction leads to a shape, so that the rod stays.
@@ -328,7 +335,7 @@ impl<F: Real> Solver<F> {
 
     /// Sets the Jacobians of the segments, and the direction to −gradient.
     #[inline(always)]
-    pub(super) fn negative_gradient(&mut self, core: &RodCore<F>, load: &Load<F>, q: &[F]) {
+    fn negative_gradient(&mut self, core: &RodCore<F>, load: &Load<F>, q: &[F]) {
         self.sensitivity.update_jacobians(&self.shape);
         gradient(core, load, &self.shape, &self.sensitivity, q, &mut self.direction, &mut self.wrench);
         for g in &mut self.direction {
