@@ -154,8 +154,17 @@ fn a_guide_with_a_load_moves_by_itself() {
 
 #[test]
 fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
-    // Friction holds straight hair where the shake left it.
-    let (groom, mut anim) = scene(Style::ShortCurly, 60);
+    joins_again(Style::ShortCurly);
+}
+
+#[test]
+fn what_its_neighbours_hold_where_the_shake_left_it_joins_again() {
+    joins_again(Style::Short);
+}
+
+/// Fails unless guides come away in a shake, have joined again two seconds after it, and nothing jumps.
+fn joins_again(style: Style) {
+    let (groom, mut anim) = scene(style, 60);
     anim.settings.resolution = Resolution::Adaptive;
     anim.settings.split_tolerance = 0.003;
     let frames = run(&groom, &anim, anim.frames.1);

@@ -50,7 +50,7 @@ pub struct WispChanges {
 /// What happens to an active guide with leaders at the end of a frame.
 enum Decision {
     /// It is not calm: its calm period starts anew.
-    RestartCalm,
+    RestartCalm(Vec<f64>),
     /// It becomes this follower.
     Merge(Follower),
 }
@@ -195,7 +195,8 @@ impl AdaptiveTree {
             states[i].q.clone_from(&self.previous_q[i]);
             states[i].resume(&models[i], env, t[0], self.motion.h);
             let variate = self.followers[i].variate;
-            self.followers[i] = Follower { since: t[1], variate, ..Follower::default() };
+            let deviations = self.motion.deviations(i, variate.coefficient());
+            self.followers[i] = Follower { since: t[1], variate, deviations, ..Follower::default() };
         }
         split
     }
@@ -220,14 +221,22 @@ impl AdaptiveTree {
             let speed = self.motion.relative_speed(i, nu, model, state);
             let slow = speed < tolerance * (GRAVITY / model.rod.length()).sqrt();
             if !slow || self.prediction_error(i) > MERGE_SHARE * tolerance {
-                return Some(Decision::RestartCalm);
+                return Some(Decision::RestartCalm(self.motion.deviations(i, nu)));
             }
             let calm = t - self.followers[i].since >= FADE_TIME - 0.5 * self.motion.h;
             calm.then(|| {
                 let [offset, offset_rate] = self.motion.deviation(i, nu, model, state);
                 let variate = self.followers[i].variate;
-                let follower =
-                    Follower { follows: true, since: t, offset, offset_rate, variate, ..Follower::default() };
+                let deviations = self.motion.deviations(i, nu);
+                let follower = Follower {
+                    follows: true,
+                    since: t,
+                    offset,
+                    offset_rate,
+                    deviations,
+                    variate,
+                    ..Follower::default()
+                };
                 Decision::Merge(follower)
             })
         };
@@ -236,7 +245,9 @@ impl AdaptiveTree {
         for (follower, decision) in self.followers.iter_mut().zip(decisions) {
             match decision {
                 None => {}
-                Some(Decision::RestartCalm) => follower.since = t,
+                Some(Decision::RestartCalm(deviations)) => {
+                    (follower.since, follower.deviations) = (t, deviations);
+                }
                 Some(Decision::Merge(merged)) => {
                     *follower = merged;
                     merges += 1;
@@ -249,7 +260,8 @@ impl AdaptiveTree {
     /// Estimated error of guide `i` as a follower, as a share of its length, before the displacement that
     /// keeps it out of bodies.
     fn prediction_error(&self, i: usize) -> f64 {
-        self.motion.prediction_error(i, self.followers[i].variate.coefficient())
+        let Follower { variate, deviations, .. } = &self.followers[i];
+        self.motion.prediction_error(i, variate.coefficient(), deviations)
     }
 
     /// Updates the control variates (`docs/theory.md` eq. 8.5) of the active guides of a level.

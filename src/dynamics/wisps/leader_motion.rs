@@ -126,33 +126,44 @@ impl LeaderMotion {
         self.rest[i].kinematics.mean_displacement(self.modal.strain_apart(i).into_iter())
     }
 
-    /// Estimated error of the prediction of guide `i`, as a share of its length: the spread of its leaders
-    /// times the response error of the hierarchy.
-    pub fn prediction_error(&self, i: usize, nu: f64) -> f64 {
-        self.hierarchy.response_error[i] * self.leader_spread(i, nu)
+    /// Estimated error of the prediction of guide `i`, as a share of its length: the spread of its leaders since
+    /// `before`, [`LeaderMotion::deviations`] at an earlier time, times the response error of the hierarchy.
+    pub fn prediction_error(&self, i: usize, nu: f64, before: &[f64]) -> f64 {
+        self.hierarchy.response_error[i] * self.leader_spread(i, nu, before)
     }
 
-    /// Root mean square, weighted by their shares, of the displacements of guide `i` between its prediction
-    /// by one leader and by all, less the modal deviations. With a single leader no spread is known; it is
-    /// the whole displacement from rest.
-    fn leader_spread(&self, i: usize, nu: f64) -> f64 {
+    /// How far the prediction of guide `i` by each of its leaders alone deviates from that by all, less the
+    /// modal deviations, as strains of leader after leader. With a single leader no spread is known; it is the whole
+    /// deflection from rest.
+    pub fn deviations(&self, i: usize, nu: f64) -> Vec<f64> {
         let mut means = LeaderMeans::default();
         self.leader_means(i, &mut means);
-        let kinematics = &self.rest[i].kinematics;
-        if self.hierarchy.leaders[i].len() == 1 {
-            return kinematics.mean_displacement(means.deflection.strain_vectors(0));
+        let leaders = &self.hierarchy.leaders[i];
+        if leaders.len() == 1 {
+            return means.deflection.strain(0).to_vec();
         }
-        let square = |&(leader, share): &(usize, f64)| {
-            let difference = |of: &Deflection, mean: &Deflection| {
-                let vectors = of.strain_vectors(0).zip(mean.strain_vectors(0));
-                vectors.map(|(of, mean)| of - mean).collect::<Vec<_>>()
-            };
-            let own = difference(&self.deflections[leader], &means.deflection);
-            let modal = difference(self.modal.deflection(leader), &means.modal);
-            let displacement =
-                kinematics.mean_displacement(own.iter().zip(&modal).map(|(own, modal)| own - nu * modal));
-            share.abs() * displacement * displacement
+        let of_leader = |&(leader, _): &(usize, f64)| {
+            let difference =
+                |of: &Deflection, mean: &Deflection, n: usize| of.strain(0)[n] - mean.strain(0)[n];
+            let (own, modal) = (&self.deflections[leader], self.modal.deflection(leader));
+            let of_strain =
+                |n| difference(own, &means.deflection, n) - nu * difference(modal, &means.modal, n);
+            (0..own.strain(0).len()).map(of_strain).collect::<Vec<_>>()
         };
-        self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()
+        leaders.iter().flat_map(of_leader).collect()
+    }
+
+    /// Root mean square, weighted by the shares of the leaders, of the displacements of guide `i` by the change of
+    /// its leaders' deviations since `before`; those at rest are zero, as an empty `before`.
+    fn leader_spread(&self, i: usize, nu: f64, before: &[f64]) -> f64 {
+        let mut deviations = self.deviations(i, nu);
+        deviations.iter_mut().zip(before).for_each(|(now, before)| *now -= before);
+        let kinematics = &self.rest[i].kinematics;
+        let leaders = &self.hierarchy.leaders[i];
+        let square = |(deviation, (_, share)): (&[f64], &(usize, f64))| {
+            let strains = deviation.chunks_exact(3).map(Vector3::from_column_slice);
+            share.abs() * kinematics.mean_displacement(strains).powi(2)
+        };
+        deviations.chunks_exact(deviations.len() / leaders.len()).zip(leaders).map(square).sum::<f64>().sqrt()
     }
 }
