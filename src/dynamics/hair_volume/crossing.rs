@@ -53,19 +53,50 @@ impl Crossing {
     /// the volume fraction `rest` in the groom's pose. Its wave speed is at most `max_speed`, m/s.
     pub fn repulsion(&self, fibre: &Fibre, rest: f64, max_speed: f64) -> Vector3<f64> {
         let around = self.fraction / self.share;
-        let rest = rest.max(LEAST * around);
-        if self.fraction <= rest {
-            return Vector3::zeros();
-        }
         let softest = fibre.density * max_speed * max_speed / around;
         let stiffness = (STIFFNESS * fibre.modulus * around).min(softest);
-        self.gradient * (stiffness * (rest / self.fraction - 1.0))
+        self.gradient * (-stiffness * self.added(rest) / self.fraction)
     }
 
     /// The part of the `slip`, m/s, of the piece that is lost over a step whose η is `eta`, s, because it leads
-    /// into the hair that crosses it.
-    pub fn stopped(&self, slip: &Vector3<f64>, eta: f64) -> Vector3<f64> {
+    /// into the hair that crosses it, where this had the volume fraction `rest` in the groom's pose.
+    pub fn stopped(&self, slip: &Vector3<f64>, rest: f64, eta: f64) -> Vector3<f64> {
         let into = self.gradient.try_normalize(0.0).unwrap_or_default();
-        into * slip.dot(&into).clamp(0.0, STOPPING * self.share.powi(3) * eta)
+        let added = self.share * self.added(rest) / self.fraction;
+        into * slip.dot(&into).clamp(0.0, STOPPING * added.powi(3) * eta)
+    }
+
+    /// Volume fraction of what crosses the piece beyond `rest`, or beyond what counts.
+    fn added(&self, rest: f64) -> f64 {
+        let least = LEAST * self.fraction / self.share;
+        (self.fraction - rest.max(least)).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_crosses_as_in_the_pose_of_the_groom_is_neither_repelled_nor_stopped() {
+        let fibre = Fibre {
+            modulus: 4e9,
+            density: 1320.0,
+            area: 5e-9,
+            friction: 0.3,
+            parallel_friction: 0.5,
+            friction_across: 1.0,
+            cohesion: 0.0,
+        };
+        let crossing = Crossing { share: 0.5, fraction: 0.005, gradient: Vector3::x() };
+        let opposed = |rest: f64| {
+            let lost = crossing.stopped(&(Vector3::x() * 1e9), rest, 1.0).x / STOPPING;
+            [lost, -crossing.repulsion(&fibre, rest, f64::INFINITY).x / (STIFFNESS * fibre.modulus * 0.01)]
+        };
+        let close = |a: [f64; 2], b: [f64; 2]| (0..2).all(|i| (a[i] - b[i]).abs() < 1e-12);
+        assert!(close(opposed(0.002), [0.3_f64.powi(3), 0.6]), "{:?}", opposed(0.002));
+        assert!(close(opposed(0.0), [(0.5 - LEAST).powi(3), 1.0 - LEAST / 0.5]), "{:?}", opposed(0.0));
+        assert_eq!([opposed(0.005), opposed(0.006)], [[0.0; 2]; 2]);
+        assert_eq!(crossing.stopped(&-Vector3::x(), 0.0, 1.0), Vector3::zeros());
     }
 }

@@ -426,7 +426,7 @@ impl HairVolume {
                 let unopposed = slip;
                 if let Some(crossing) = Crossing::of((grid, stencil), &assembly, axis) {
                     piece.repulsion = crossing.repulsion(&hairs.fibre, rest.crossing, max_speed);
-                    let stopped = crossing.stopped(&slip, piece.eta);
+                    let stopped = crossing.stopped(&slip, rest.crossing, piece.eta);
                     let pressed = stopped.norm() + mobility * hairs.fibre.area * piece.repulsion.norm();
                     resistance.press(pressed * hairs.fibre.friction);
                     slip -= stopped;
