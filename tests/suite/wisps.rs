@@ -154,17 +154,17 @@ fn a_guide_with_a_load_moves_by_itself() {
 
 #[test]
 fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
-    joins_again(Style::ShortCurly);
+    joins_again(scene(Style::ShortCurly, 60));
 }
 
 #[test]
 fn what_its_neighbours_hold_where_the_shake_left_it_joins_again() {
-    joins_again(Style::Short);
+    joins_again(sized_scene(Style::Short, 200, 60, json!([])));
 }
 
-/// Fails unless guides come away in a shake, have joined again two seconds after it, and nothing jumps.
-fn joins_again(style: Style) {
-    let (groom, mut anim) = scene(style, 60);
+/// Fails unless guides come away in the shake of a scene, have joined again when its still frames end, and nothing
+/// jumps.
+fn joins_again((groom, mut anim): (Groom, Anim)) {
     anim.settings.resolution = Resolution::Adaptive;
     anim.settings.split_tolerance = 0.003;
     let frames = run(&groom, &anim, anim.frames.1);
