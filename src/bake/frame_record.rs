@@ -71,6 +71,9 @@ pub struct FrameRecord {
     /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space,
     /// at the start of the last sub-step of the frame; 0 where the latter is below 5 cm/s.
     pub hair_slip: f64,
+    /// Largest share of the distance that contact keeps between guides that was missing at the end of a sub-step: 1 where
+    /// they touch.
+    pub strand_missing: f64,
     /// Work that contact between guides does on them over the frame, J: negative where it brakes them. Each
     /// guide counts as its hairs, of which the median guide has one.
     pub strand_work_j: f64,
@@ -216,6 +219,7 @@ impl FrameRecord {
             self.strand_residual = self.strand_residual.max(r.strands.residual);
             self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.uncoupled + r.strands.truncated;
+            self.strand_missing = self.strand_missing.max(r.strands.missing);
             self.strand_work_j += r.strands.work;
             self.tie_slack_m = self.tie_slack_m.max(r.tie_slack);
             if r.halvings > 0 && alone && !self.divided.contains(&ids[i]) {

@@ -95,6 +95,7 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "crossings": sum(|f| f.crossings),
         "strands_unsettled": sum(|f| f.strands_unsettled),
         "strands_shortened": sum(|f| f.strands_shortened),
+        "strand_missing": worst(|f| f.strand_missing),
         "strand_gain": worst(|f| f.strand_gain),
         "tie_slack_m": worst(|f| f.tie_slack_m),
         "goal_distance_mean_m": worst(|f| f.goal_distance_mean_m),

@@ -67,6 +67,13 @@ fn contact_charts(figures: &Figures) -> Vec<Chart> {
             ],
         ));
         charts.push(chart(
+            "Distance missing between guides",
+            "%",
+            "Share of the distance that contact keeps between two guides, which each keeps from the middle of its hairs, \
+             largest at the end of a sub-step; at 100 % they touch. Much of it means that sub-steps are too long.",
+            vec![figures.series("missing", "strand_missing", 1e2)],
+        ));
+        charts.push(chart(
             "Work of contact between guides",
             "µJ",
             "Energy that contact puts into the guides, each counted as its hairs, of which the median guide has one. \
@@ -469,7 +476,7 @@ mod tests {
     fn charts_have_every_figure_of_a_record() {
         let summary = BakeSummary { frames: vec![frame_with_all()], ..BakeSummary::default() };
         let report = bake_report(&summary, "");
-        assert_eq!(report.charts.len(), 16);
+        assert_eq!(report.charts.len(), 17);
         for chart in &report.charts {
             for series in &chart.series {
                 assert!(series.values[0].is_finite(), "{}: {}", chart.name, series.name);
@@ -490,7 +497,7 @@ mod tests {
         assert!(known == 2.0 && unknown.is_nan());
         assert!(report.unrecorded.is_empty());
         let report = report_of(&summary, &Figures::unknown(2), "");
-        assert_eq!((report.charts.len(), report.unrecorded.len()), (16, WITHOUT_SERIES.len()));
+        assert_eq!((report.charts.len(), report.unrecorded.len()), (17, WITHOUT_SERIES.len()));
         assert!(report.charts.iter().flat_map(|c| &c.series).flat_map(|s| &s.values).all(|v| v.is_nan()));
     }
 

@@ -50,6 +50,9 @@ pub struct StrandRecord {
     pub truncated: u32,
     /// Segments whose motion crosses a segment of a guide of higher index.
     pub crossings: u32,
+    /// Largest share of the distance of its contacts with guides of higher index that is missing at the end: 1 where
+    /// they touch.
+    pub missing: f64,
     /// Work of its contacts with guides of higher index on both guides, J; a bundle's is that of all its
     /// hairs.
     pub work: f64,
@@ -107,6 +110,7 @@ impl StepRecord {
                 uncoupled: a.uncoupled + b.uncoupled,
                 truncated: a.truncated + b.truncated,
                 crossings: a.crossings + b.crossings,
+                missing: a.missing.max(b.missing),
                 work: a.work + b.work,
             },
         }

@@ -59,11 +59,6 @@ impl Deflection {
         &self.numbers[back * n..][..n]
     }
 
-    /// [`Deflection::strain`] as vectors.
-    pub fn strain_vectors(&self, back: usize) -> impl Iterator<Item = Vector3<f64>> {
-        vectors(self.strain(back))
-    }
-
     /// Displacements now: three numbers per node but the root, over the length of the guide.
     pub fn displacement(&self) -> &[f64] {
         self.strain(Self::MOMENTS)

@@ -9,9 +9,10 @@ use nalgebra::Vector3;
 /// apart; swinging locks do not change from a tenth of it to ten times it, but long hair then takes more space.
 const STIFFNESS: f64 = 1e-2;
 
-/// Acceleration, m/s², by which hair that crosses a hair stops it, over χ³. Higher stops faster locks, and
-/// stiffens hair whose strands are a little at angles, which then keeps apart. Locks that fall on each other at
-/// a right angle (χ = 0.5) are stopped with 600 m/s², strands that are 15° apart (χ = 0.017) with 0.025 m/s².
+/// Acceleration, m/s², by which hair that crosses a hair stops it, over the cube of what χ exceeds that of the
+/// groom's pose by, or [`LEAST`]. Higher stops faster locks, and stiffens hair whose strands are at angles, which
+/// then keeps apart. Locks that fall on each other at a right angle (χ = 0.5) are stopped with 560 m/s², strands
+/// that are 30° apart (χ = 0.067) with 0.6 m/s².
 const STOPPING: f64 = 5e3;
 
 /// Least χ that counts: that of strands that are 15° apart.

@@ -248,11 +248,17 @@ fn friction_holds_what_is_pulled_with_less_than_its_bound() {
 }
 
 /// Two layers of hair, 8 mm apart, at this `angle`, rad, to each other, after a step; the upper one falls on the
-/// other at `speed`, m/s.
+/// other at `speed`, m/s. They were apart in the groom's pose.
 fn layers(angle: f64, speed: f64) -> Curtain {
+    layers_of_pose(angle, speed, 0.0)
+}
+
+/// [`layers`] of which the volume fraction `crossing` crosses each other in the groom's pose.
+fn layers_of_pose(angle: f64, speed: f64, crossing: f64) -> Curtain {
     let dry = Material { drag: 0.0, ..frictionless() };
     let roots = square(8, 0.004);
     let mut hair = curtain_of(&roots, &dry);
+    hair.volume.rest.iter_mut().for_each(|rest| rest.crossing = crossing);
     let course = |i: usize| V::new((angle * layer(i) as f64).cos(), 0.0, (angle * layer(i) as f64).sin());
     hair.set(|i, x| {
         let aside = V::y().cross(&course(i)) * (0.002 * ((i / 2) as f64 - 15.5));
@@ -308,6 +314,14 @@ fn hair_stops_where_it_meets_hair_that_crosses_and_leaves_freely() {
     // Leaving, and parallel.
     free(PI / 2.0, -0.5);
     free(0.0, 0.5);
+}
+
+#[test]
+fn hair_does_not_stop_where_it_crosses_hair_in_the_pose_of_the_groom_already() {
+    let hair = layers_of_pose(PI / 2.0, 0.5, 1.0);
+    let ([lower, upper], _) = means(&hair, |piece| piece.v + piece.drag * piece.eta);
+    assert!((lower - upper - V::y() * 0.5).norm() < 0.005, "{lower} {upper}");
+    assert_eq!(means(&hair, |piece| piece.repulsion).0, [V::zeros(); 2]);
 }
 
 #[test]

@@ -210,6 +210,11 @@ impl ContactPairs {
         self.strands().slip(&contact.contact)
     }
 
+    /// Share of the distance of a contact that its segments lack at the end.
+    pub fn missing(&self, contact: &ContactPair) -> f64 {
+        (1.0 - self.strands().end_distance(contact.contact.pair) / contact.lawful).max(0.0)
+    }
+
     /// Begins a sub-step of `duration`, s: finds the contacts at its start and the impacts on the way to the
     /// current ends.
     pub fn begin(&mut self, duration: f64) {

@@ -331,6 +331,7 @@ impl StrandContacts {
             let record = &mut records[self.pairs.guides(&pair.contact)[0]].strands;
             record.found += 1;
             record.active += u32::from(pair.is_active());
+            record.missing = record.missing.max(self.pairs.missing(pair));
             record.work += pair.force().dot(&self.pairs.slip(pair));
         }
         for &pair in &self.pairs.crossing {

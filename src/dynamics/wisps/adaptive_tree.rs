@@ -49,7 +49,7 @@ pub struct WispChanges {
 
 /// What happens to an active guide with leaders at the end of a frame.
 enum Decision {
-    /// It is not calm: its calm period starts anew.
+    /// It is not calm: its calm period starts anew, while its leaders disagree so.
     RestartCalm(Vec<f64>),
     /// It becomes this follower.
     Merge(Follower),
@@ -195,8 +195,8 @@ impl AdaptiveTree {
             states[i].q.clone_from(&self.previous_q[i]);
             states[i].resume(&models[i], env, t[0], self.motion.h);
             let variate = self.followers[i].variate;
-            let deviations = self.motion.deviations(i, variate.coefficient());
-            self.followers[i] = Follower { since: t[1], variate, deviations, ..Follower::default() };
+            let disagreement = self.motion.disagreement(i, variate.coefficient());
+            self.followers[i] = Follower { since: t[1], variate, disagreement, ..Follower::default() };
         }
         split
     }
@@ -207,8 +207,9 @@ impl AdaptiveTree {
     }
 
     /// Merges calm guides with their wisps at time `t`, s, once all levels are recorded; returns how many
-    /// merge. A guide is calm if for [`FADE_TIME`] its error as a follower is small and it moves slowly
-    /// relative to its leaders: by less than the tolerance in the time sqrt(L/g) of a pendulum of its length.
+    /// merge. A guide is calm if for [`FADE_TIME`] its error as a follower, counted from the start of that time,
+    /// is small and it moves slowly relative to its leaders: by less than the tolerance in the time sqrt(L/g)
+    /// of a pendulum of its length.
     pub fn merge(&mut self, models: &[GuideModel], states: &[GuideState], t: f64) -> u32 {
         let Some(tolerance) = self.split_tolerance else { return 0 };
         let decide = |i: usize| {
@@ -217,24 +218,24 @@ impl AdaptiveTree {
             if leads || !model.ties.is_empty() || self.is_led(models, i, t) {
                 return None;
             }
-            let nu = self.followers[i].variate.coefficient();
+            let Follower { variate, disagreement, since, .. } = &self.followers[i];
+            let nu = variate.coefficient();
+            let now = self.motion.disagreement(i, nu);
             let speed = self.motion.relative_speed(i, nu, model, state);
             let slow = speed < tolerance * (GRAVITY / model.rod.length()).sqrt();
-            if !slow || self.prediction_error(i) > MERGE_SHARE * tolerance {
-                return Some(Decision::RestartCalm(self.motion.deviations(i, nu)));
+            if !slow || self.motion.prediction_error(i, &now, disagreement) > MERGE_SHARE * tolerance {
+                return Some(Decision::RestartCalm(now));
             }
-            let calm = t - self.followers[i].since >= FADE_TIME - 0.5 * self.motion.h;
+            let calm = t - since >= FADE_TIME - 0.5 * self.motion.h;
             calm.then(|| {
                 let [offset, offset_rate] = self.motion.deviation(i, nu, model, state);
-                let variate = self.followers[i].variate;
-                let deviations = self.motion.deviations(i, nu);
                 let follower = Follower {
                     follows: true,
                     since: t,
                     offset,
                     offset_rate,
-                    deviations,
-                    variate,
+                    disagreement: now,
+                    variate: *variate,
                     ..Follower::default()
                 };
                 Decision::Merge(follower)
@@ -245,8 +246,8 @@ impl AdaptiveTree {
         for (follower, decision) in self.followers.iter_mut().zip(decisions) {
             match decision {
                 None => {}
-                Some(Decision::RestartCalm(deviations)) => {
-                    (follower.since, follower.deviations) = (t, deviations);
+                Some(Decision::RestartCalm(disagreement)) => {
+                    (follower.since, follower.disagreement) = (t, disagreement);
                 }
                 Some(Decision::Merge(merged)) => {
                     *follower = merged;
@@ -257,11 +258,12 @@ impl AdaptiveTree {
         merges
     }
 
-    /// Estimated error of guide `i` as a follower, as a share of its length, before the displacement that
+    /// Estimated error of follower `i`, as a share of its length, since it began to follow, before the displacement that
     /// keeps it out of bodies.
     fn prediction_error(&self, i: usize) -> f64 {
-        let Follower { variate, deviations, .. } = &self.followers[i];
-        self.motion.prediction_error(i, variate.coefficient(), deviations)
+        let Follower { variate, disagreement, .. } = &self.followers[i];
+        let now = self.motion.disagreement(i, variate.coefficient());
+        self.motion.prediction_error(i, &now, disagreement)
     }
 
     /// Updates the control variates (`docs/theory.md` eq. 8.5) of the active guides of a level.

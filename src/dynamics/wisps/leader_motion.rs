@@ -126,44 +126,40 @@ impl LeaderMotion {
         self.rest[i].kinematics.mean_displacement(self.modal.strain_apart(i).into_iter())
     }
 
-    /// Estimated error of the prediction of guide `i`, as a share of its length: the spread of its leaders since
-    /// `before`, [`LeaderMotion::deviations`] at an earlier time, times the response error of the hierarchy.
-    pub fn prediction_error(&self, i: usize, nu: f64, before: &[f64]) -> f64 {
-        self.hierarchy.response_error[i] * self.leader_spread(i, nu, before)
-    }
-
-    /// How far the prediction of guide `i` by each of its leaders alone deviates from that by all, less the
-    /// modal deviations, as strains of leader after leader. With a single leader no spread is known; it is the whole
-    /// deflection from rest.
-    pub fn deviations(&self, i: usize, nu: f64) -> Vec<f64> {
+    /// How far the deflection by each leader of guide `i` alone is from that by all, less the modal responses: strains
+    /// of leader after leader. With a single leader, whose error is not known, its whole deflection from rest.
+    pub fn disagreement(&self, i: usize, nu: f64) -> Vec<f64> {
         let mut means = LeaderMeans::default();
         self.leader_means(i, &mut means);
         let leaders = &self.hierarchy.leaders[i];
         if leaders.len() == 1 {
             return means.deflection.strain(0).to_vec();
         }
-        let of_leader = |&(leader, _): &(usize, f64)| {
-            let difference =
-                |of: &Deflection, mean: &Deflection, n: usize| of.strain(0)[n] - mean.strain(0)[n];
-            let (own, modal) = (&self.deflections[leader], self.modal.deflection(leader));
-            let of_strain =
-                |n| difference(own, &means.deflection, n) - nu * difference(modal, &means.modal, n);
-            (0..own.strain(0).len()).map(of_strain).collect::<Vec<_>>()
-        };
-        leaders.iter().flat_map(of_leader).collect()
+        let mut disagreement = Vec::with_capacity(leaders.len() * means.deflection.strain(0).len());
+        for &(leader, _) in leaders {
+            let own = self.deflections[leader].strain(0).iter().zip(means.deflection.strain(0));
+            let modal = self.modal.deflection(leader).strain(0).iter().zip(means.modal.strain(0));
+            let differences =
+                own.zip(modal).map(|((own, mean), (modal, of_mean))| own - mean - nu * (modal - of_mean));
+            disagreement.extend(differences);
+        }
+        disagreement
     }
 
-    /// Root mean square, weighted by the shares of the leaders, of the displacements of guide `i` by the change of
-    /// its leaders' deviations since `before`; those at rest are zero, as an empty `before`.
-    fn leader_spread(&self, i: usize, nu: f64, before: &[f64]) -> f64 {
-        let mut deviations = self.deviations(i, nu);
-        deviations.iter_mut().zip(before).for_each(|(now, before)| *now -= before);
+    /// Estimated error of the prediction of guide `i` since a time when its leaders disagreed as `before`, by those that
+    /// disagree as `now`, as a share of its length: root mean square, weighted by their shares, of the displacements
+    /// that the change of their disagreement gives, times the response error of the hierarchy. At rest leaders agree, as
+    /// where `before` is empty.
+    pub fn prediction_error(&self, i: usize, now: &[f64], before: &[f64]) -> f64 {
         let kinematics = &self.rest[i].kinematics;
         let leaders = &self.hierarchy.leaders[i];
-        let square = |(deviation, (_, share)): (&[f64], &(usize, f64))| {
-            let strains = deviation.chunks_exact(3).map(Vector3::from_column_slice);
+        let n = now.len() / leaders.len();
+        let square = |(k, (_, share)): (usize, &(usize, f64))| {
+            let change = |m: usize| now[m] - before.get(m).unwrap_or(&0.0);
+            let strain = |m: usize| Vector3::new(change(m), change(m + 1), change(m + 2));
+            let strains = (k * n..(k + 1) * n).step_by(3).map(strain);
             share.abs() * kinematics.mean_displacement(strains).powi(2)
         };
-        deviations.chunks_exact(deviations.len() / leaders.len()).zip(leaders).map(square).sum::<f64>().sqrt()
+        self.hierarchy.response_error[i] * leaders.iter().enumerate().map(square).sum::<f64>().sqrt()
     }
 }
