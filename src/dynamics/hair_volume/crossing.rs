@@ -9,10 +9,10 @@ use nalgebra::Vector3;
 /// apart; swinging locks do not change from a tenth of it to ten times it, but long hair then takes more space.
 const STIFFNESS: f64 = 1e-2;
 
-/// Acceleration, m/s², by which hair that crosses a hair stops it, over the cube of what χ exceeds that of the
-/// groom's pose by, or [`LEAST`]. Higher stops faster locks, and stiffens hair whose strands are at angles, which
-/// then keeps apart. Locks that fall on each other at a right angle (χ = 0.5) are stopped with 560 m/s², strands
-/// that are 30° apart (χ = 0.067) with 0.6 m/s².
+/// Acceleration, m/s², by which hair that crosses a hair stops it, over χ³ less that of the groom's pose. Higher
+/// stops faster locks, and stiffens hair whose strands are a little at angles, which then keeps apart. Locks that
+/// fall on each other at a right angle (χ = 0.5) are stopped with 600 m/s², strands that are 15° apart (χ = 0.017)
+/// with 0.025 m/s².
 const STOPPING: f64 = 5e3;
 
 /// Least χ that counts: that of strands that are 15° apart.
@@ -54,23 +54,22 @@ impl Crossing {
     /// the volume fraction `rest` in the groom's pose. Its wave speed is at most `max_speed`, m/s.
     pub fn repulsion(&self, fibre: &Fibre, rest: f64, max_speed: f64) -> Vector3<f64> {
         let around = self.fraction / self.share;
+        let rest = rest.max(LEAST * around);
+        if self.fraction <= rest {
+            return Vector3::zeros();
+        }
         let softest = fibre.density * max_speed * max_speed / around;
         let stiffness = (STIFFNESS * fibre.modulus * around).min(softest);
-        self.gradient * (-stiffness * self.added(rest) / self.fraction)
+        self.gradient * (stiffness * (rest / self.fraction - 1.0))
     }
 
     /// The part of the `slip`, m/s, of the piece that is lost over a step whose η is `eta`, s, because it leads
     /// into the hair that crosses it, where this had the volume fraction `rest` in the groom's pose.
     pub fn stopped(&self, slip: &Vector3<f64>, rest: f64, eta: f64) -> Vector3<f64> {
         let into = self.gradient.try_normalize(0.0).unwrap_or_default();
-        let added = self.share * self.added(rest) / self.fraction;
-        into * slip.dot(&into).clamp(0.0, STOPPING * added.powi(3) * eta)
-    }
-
-    /// Volume fraction of what crosses the piece beyond `rest`, or beyond what counts.
-    fn added(&self, rest: f64) -> f64 {
-        let least = LEAST * self.fraction / self.share;
-        (self.fraction - rest.max(least)).max(0.0)
+        let share_at_rest = self.share * (rest / self.fraction).min(1.0);
+        let most = STOPPING * (self.share.powi(3) - share_at_rest.powi(3));
+        into * slip.dot(&into).clamp(0.0, most * eta)
     }
 }
 
@@ -95,8 +94,8 @@ mod tests {
             [lost, -crossing.repulsion(&fibre, rest, f64::INFINITY).x / (STIFFNESS * fibre.modulus * 0.01)]
         };
         let close = |a: [f64; 2], b: [f64; 2]| (0..2).all(|i| (a[i] - b[i]).abs() < 1e-12);
-        assert!(close(opposed(0.002), [0.3_f64.powi(3), 0.6]), "{:?}", opposed(0.002));
-        assert!(close(opposed(0.0), [(0.5 - LEAST).powi(3), 1.0 - LEAST / 0.5]), "{:?}", opposed(0.0));
+        assert!(close(opposed(0.002), [0.125 - 0.008, 0.6]), "{:?}", opposed(0.002));
+        assert!(close(opposed(0.0), [0.125, 1.0 - LEAST / 0.5]), "{:?}", opposed(0.0));
         assert_eq!([opposed(0.005), opposed(0.006)], [[0.0; 2]; 2]);
         assert_eq!(crossing.stopped(&-Vector3::x(), 0.0, 1.0), Vector3::zeros());
     }

@@ -377,7 +377,7 @@ def test_the_page_is_written_where_it_is_missing_and_opened(
     unfinished = other.read_text()
     frames = json.loads(re.search('"frames":(\\[.*?\\])', unfinished)[1])  # type: ignore[index]
     assert frames == [1000, 1001, 1002, 1004, 1005]
-    assert "neither drawn nor warned of: Contacts, Contacts between guides, Work of" in unfinished
+    assert "neither drawn nor warned of: Contacts, Contacts between guides, Distance missing" in unfinished
     assert ", Splits and merges, number of exempt segments, " in unfinished
     assert "<h2>Penetration" not in unfinished
     assert "Total time" in unfinished, "the data of the report tell it"

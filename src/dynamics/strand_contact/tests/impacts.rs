@@ -150,6 +150,9 @@ fn strands_that_turn_past_each_other_in_long_substeps_keep_apart() {
         let share = least / (2.0 * BUNDLE.bundle_radius);
         // They meet, and the contacts at the start of a sub-step alone would leave 0.3 and 0.4.
         assert!((0.5..1.0).contains(&share), "{share} of the distance to keep");
-        assert!((missing - (1.0 - share)).abs() < 0.05, "{missing} recorded, {share} kept");
+        // Where they cross at a right angle the distance is that of the bundles and of a hair each.
+        let lawful = 2.0 * (BUNDLE.bundle_radius + BUNDLE.hair_radius);
+        let is_told = (missing - (1.0 - least / lawful)).abs() < 0.01;
+        assert!(turn < 1.0 || is_told, "{missing} recorded, {least} kept");
     }
 }
