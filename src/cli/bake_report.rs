@@ -69,8 +69,8 @@ fn contact_charts(figures: &Figures) -> Vec<Chart> {
         charts.push(chart(
             "Distance missing between guides",
             "%",
-            "Share of the distance that contact keeps between two guides, which each keeps from the middle of its hairs, \
-             largest at the end of a sub-step; at 100 % they touch. Much of it means that sub-steps are too long.",
+            "Share of the distance that contact keeps between two guides, each the middle of its hairs, that is missing at \
+             the end of a sub-step: largest. At 100 % they touch. More steps per frame leave less.",
             vec![figures.series("missing", "strand_missing", 1e2)],
         ));
         charts.push(chart(
@@ -320,6 +320,12 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
         ),
         warning(
             frames,
+            "some guides came nearer to each other than half of the distance that contact keeps",
+            ADVICE,
+            |f| (f.strand_missing > MUCH_MISSING).then(|| format!("{:.0} % missing", 1e2 * f.strand_missing)),
+        ),
+        warning(
+            frames,
             "more than a quarter of the hair is too dense for steps of this length, and is pressed together",
             "; more steps per frame (--substeps) keep it apart",
             |f| (f.hair_softened > MANY_SOFTENED).then(|| format!("{:.0} %", 1e2 * f.hair_softened)),
@@ -351,6 +357,9 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
 
 /// Depth of a guide inside a body above which the user is warned, m: the validator's tolerance.
 const GUIDE_INSIDE: f64 = 5e-4;
+
+/// Share of the distance between guides missing above which the user is warned.
+const MUCH_MISSING: f64 = 0.5;
 
 /// Share of hair softened by the sub-step above which the user is warned.
 const MANY_SOFTENED: f64 = 0.25;
@@ -485,6 +494,14 @@ mod tests {
         assert_eq!(values(&report, "Penetration", "guides"), [2.0]);
         assert_eq!(values(&report, "Fallbacks", "unconverged"), [2.0]);
         assert_eq!(values(&report, "Fallbacks", "unsettled"), [3.0]);
+    }
+
+    #[test]
+    fn guides_that_lack_more_than_half_of_their_distance_are_warned_of() {
+        let frames = [0.5, 0.6].map(|strand_missing| FrameRecord { strand_missing, ..frame_with_all() });
+        let summary = BakeSummary { frames: frames.to_vec(), ..BakeSummary::default() };
+        let told = [(7, "60 % missing".to_string())];
+        assert!(warnings(&summary).iter().any(|warning| warning.frames == told));
     }
 
     #[test]

@@ -75,23 +75,15 @@ impl Crossing {
 
 #[cfg(test)]
 mod tests {
+    use super::super::law::tests::FIBRE;
     use super::*;
 
     #[test]
     fn what_crosses_as_in_the_pose_of_the_groom_is_neither_repelled_nor_stopped() {
-        let fibre = Fibre {
-            modulus: 4e9,
-            density: 1320.0,
-            area: 5e-9,
-            friction: 0.3,
-            parallel_friction: 0.5,
-            friction_across: 1.0,
-            cohesion: 0.0,
-        };
         let crossing = Crossing { share: 0.5, fraction: 0.005, gradient: Vector3::x() };
         let opposed = |rest: f64| {
             let lost = crossing.stopped(&(Vector3::x() * 1e9), rest, 1.0).x / STOPPING;
-            [lost, -crossing.repulsion(&fibre, rest, f64::INFINITY).x / (STIFFNESS * fibre.modulus * 0.01)]
+            [lost, -crossing.repulsion(&FIBRE, rest, f64::INFINITY).x / (STIFFNESS * FIBRE.modulus * 0.01)]
         };
         let close = |a: [f64; 2], b: [f64; 2]| (0..2).all(|i| (a[i] - b[i]).abs() < 1e-12);
         assert!(close(opposed(0.002), [0.125 - 0.008, 0.6]), "{:?}", opposed(0.002));

@@ -147,10 +147,10 @@ pub(super) fn max_wave_speed(spacing: f64, h: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    const FIBRE: Fibre = Fibre {
+    pub(in crate::dynamics::hair_volume) const FIBRE: Fibre = Fibre {
         modulus: 4e9,
         density: 1320.0,
         area: 5e-9,

@@ -258,8 +258,8 @@ impl AdaptiveTree {
         merges
     }
 
-    /// Estimated error of follower `i`, as a share of its length, since it began to follow, before the displacement that
-    /// keeps it out of bodies.
+    /// Estimated error of follower `i` since it began to follow, as a share of its length, without the displacement
+    /// that keeps it out of bodies.
     fn prediction_error(&self, i: usize) -> f64 {
         let Follower { variate, disagreement, .. } = &self.followers[i];
         let now = self.motion.disagreement(i, variate.coefficient());
