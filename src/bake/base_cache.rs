@@ -289,5 +289,7 @@ fn complete(sources: &[CurveSource], baked: &mut CurveFrame, base: &CurveFrame, 
     let level = |source: &CurveSource| of(source).level.as_ref().map(|level| level[source.curve]);
     let level = sources.iter().map(level).collect();
     let extent = extent(&points, &set.widths);
-    *baked = CurveFrame { extent, points, velocities, accelerations, level, normals, reactions: None };
+    // Steps and reactions are not written with a base.
+    let none = CurveFrame::default();
+    *baked = CurveFrame { extent, points, velocities, accelerations, level, normals, ..none };
 }

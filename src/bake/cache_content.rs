@@ -91,6 +91,7 @@ impl<'a> CacheContent<'a> {
                 }
             },
             colliders: anim.colliders.iter().enumerate().map(collider).collect(),
+            steps: anim.settings.curves == OutputCurves::Steps,
             levels: anim.resolution() != Resolution::Full,
             accelerations: anim.settings.accelerations,
             normals: anim.settings.normals && anim.settings.curves != OutputCurves::Strands,

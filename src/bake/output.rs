@@ -223,14 +223,14 @@ impl<'a> Output<'a> {
             };
             let (guides, known) =
                 if offset == 0.0 { (states[0], known.take()) } else { (&between[..], None) };
-            self.moment((frame, offset), guides, settled, known)
+            self.moment((frame, offset), (guides, &[]), settled, known)
         };
         let mut moments: Vec<(Frame, Depths)> = offsets.into_iter().map(moment).collect();
         let after = |step: &SolverStep| step.time * self.anim.fps - f64::from(frame);
-        let steps: Vec<_> = steps.iter().map(|step| (after(step), &step.guides[..])).collect();
-        moments.extend(
-            steps.into_iter().map(|(offset, guides)| self.moment((frame, offset), guides, settled, None)),
-        );
+        let steps: Vec<_> = steps.iter().map(|step| (after(step), step)).collect();
+        moments.extend(steps.into_iter().map(|(offset, step)| {
+            self.moment((frame, offset), (&step.guides, &step.arrived), settled, None)
+        }));
         let (mut moments, mut depths): (Vec<Frame>, Vec<Depths>) = moments.into_iter().unzip();
         if self.header.accelerations {
             accelerate(&mut moments, interval);
@@ -246,11 +246,12 @@ impl<'a> Output<'a> {
         self.strands.as_ref().map_or_else(Jumps::default, |strands| strands.jumps(settled))
     }
 
-    /// The cache's arrays at `offset` frames after `frame`, and the depths of guides and strands.
+    /// The cache's arrays at `offset` frames after `frame`, and the depths of guides and strands. `arrived` holds
+    /// for each guide whether the solver brought it there; empty if it did so for all.
     fn moment(
         &mut self,
         (frame, offset): (i32, f64),
-        guides: &[MovingGuide],
+        (guides, arrived): (&[MovingGuide], &[bool]),
         settled: [&[Deflection]; 4],
         known: Option<(PosedGuides, StrandMotion)>,
     ) -> (Frame, Depths) {
@@ -275,12 +276,15 @@ impl<'a> Output<'a> {
                 velocities,
                 accelerations: None,
                 level,
+                arrived: None,
                 normals: None,
                 reactions: None,
             }
         });
         let reactions = self.reactions(guides);
-        let guides = CurveFrame { reactions, ..self.guides(&motion, levels, t, &to_scene) };
+        let of = |g: usize| i32::from(arrived.get(g).copied().unwrap_or(true));
+        let arrived = self.header.steps.then(|| (0..guides.len()).map(of).collect());
+        let guides = CurveFrame { arrived, reactions, ..self.guides(&motion, levels, t, &to_scene) };
         // In between, cubics stand for the sub-steps, which kept the guides out.
         if offset == 0.0 {
             depths = depths.max(self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres()));
@@ -421,7 +425,7 @@ impl<'a> Output<'a> {
         let (points, velocities): (Vec<_>, Vec<_>) = moving.into_iter().flatten().unzip();
         let normals = self.header.normals.then(|| normals.concat());
         let extent = extent(&points, &self.header.guides.widths);
-        CurveFrame { extent, points, velocities, accelerations: None, level, normals, reactions: None }
+        CurveFrame { extent, points, velocities, level, normals, ..CurveFrame::default() }
     }
 
     /// What holds the guides, if it is written: in the axes of the cache, N and N·m.

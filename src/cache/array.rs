@@ -21,11 +21,12 @@ pub const FIXED: [(&str, &str); 13] = [
     ("tie_numbers", "numbers of the ties in the animation, from 0"),
 ];
 /// Arrays of curves that move, with what they hold.
-pub const MOVING: [(&str, &str); 9] = [
+pub const MOVING: [(&str, &str); 10] = [
     ("points", "points, world, units"),
     ("velocities", "velocities, units per second"),
     ("accelerations", "accelerations, units per second squared, in caches that have them"),
     ("levels", "level of the wisp of each curve, 0 for the coarsest, in caches that have them"),
+    ("arrived", "1 for a guide that the solver brought to a moment, in caches of its steps"),
     ("normals", "first axis of the section at each point, world, in caches that have them"),
     ("clamp_forces", "force of the clamp on each guide, world, N, in caches that have them"),
     ("clamp_moments", "moment of the clamp on each guide about its root, N m"),
@@ -156,6 +157,7 @@ fn moving(set: &CurveFrame, name: &str) -> Option<Array> {
         "velocities" => Array::vectors(&set.velocities),
         "accelerations" => Array::vectors(set.accelerations.as_ref()?),
         "levels" => Array::integers(set.level.as_ref()?),
+        "arrived" => Array::integers(set.arrived.as_ref()?),
         "normals" => Array::vectors(set.normals.as_ref()?),
         "clamp_forces" => Array::vectors(&set.reactions.as_ref()?.clamp_force),
         "clamp_moments" => Array::vectors(&set.reactions.as_ref()?.clamp_moment),
@@ -218,6 +220,7 @@ mod tests {
             velocities: vec![[0.0; 3]; 2],
             accelerations: Some(vec![[0.0; 3]; 2]),
             level: Some(vec![0]),
+            arrived: Some(vec![1]),
             normals: Some(vec![[0.0; 3]; 2]),
             reactions: Some(Reactions {
                 clamp_force: vec![[0.0; 3]],

@@ -83,6 +83,11 @@ impl Frame {
             None if !header.normals || guides == 0 => {}
             _ => return Err("only one of frame and header has normals".into()),
         }
+        match &self.guides.arrived {
+            Some(arrived) if header.steps => same("arrivals", arrived.len(), guides)?,
+            None if !header.steps || guides == 0 => {}
+            _ => return Err("only one of frame and header has arrivals".into()),
+        }
         match (&self.guides.reactions, &header.reactions) {
             (Some(Reactions { clamp_force, clamp_moment, tie_force, tie_moment }), Some(held)) => {
                 same("clamp forces", clamp_force.len(), guides)?;

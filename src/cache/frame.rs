@@ -39,6 +39,9 @@ pub struct CurveFrame {
     pub extent: [[f32; 3]; 2],
     /// Level of the wisp with which each curve moves, 0 for the coarsest, if the header includes levels.
     pub level: Option<Vec<i32>>,
+    /// 1 for a guide that the solver brought to this moment, 0 for one that moves evenly over a longer step, if they
+    /// are guides and the header includes steps.
+    pub arrived: Option<Vec<i32>>,
     /// First axis of the section at each point, if they are guides and the header includes it.
     pub normals: Option<Vec<[f32; 3]>>,
     /// What holds the curves, if they are guides and the header includes it.

@@ -23,6 +23,8 @@ pub struct Header {
     pub colliders: Vec<ColliderMesh>,
     /// Whether frames include the levels of curves.
     pub levels: bool,
+    /// Whether frames include the moments that the solver reached before the next frame.
+    pub steps: bool,
     /// Whether frames include accelerations.
     pub accelerations: bool,
     /// Whether frames include the normals of guides.

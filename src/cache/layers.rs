@@ -8,9 +8,9 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGu
 use super::manifest::Manifest;
 use super::material;
 use super::names::{
-    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, LOOSE, PLANE,
-    SKIN, TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, clip_template, clips, collider_prim_names,
-    frames_with_handles, up_axis,
+    ARC, ARRIVED, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL,
+    LOOSE, PLANE, SKIN, TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, clip_template, clips,
+    collider_prim_names, frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
@@ -190,6 +190,10 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
                 let level = Attribute::new(LEVEL, "int[]");
                 attributes.push(level.with_metadata("interpolation", Value::token("uniform")));
             }
+            if header.steps && matches!(part, Part::Guides) {
+                let arrived = Attribute::new(ARRIVED, "int[]");
+                attributes.push(arrived.with_metadata("interpolation", Value::token("uniform")));
+            }
             if header.accelerations {
                 attributes.push(Attribute::new("accelerations", "vector3f[]"));
             }
@@ -213,7 +217,8 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
 
 fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     let arrays: [&[[f32; 3]]; 3] = [&curves.points, &curves.velocities, &curves.extent];
-    let level = curves.level.iter().map(|level| Value::Ints(Cow::Borrowed(level)));
+    let per_curve = [&curves.level, &curves.arrived].into_iter().flatten();
+    let per_curve = per_curve.map(|values| Value::Ints(Cow::Borrowed(values)));
     let accelerations = curves.accelerations.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
     let normals = curves.normals.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
     let reactions =
@@ -224,7 +229,7 @@ fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     arrays
         .map(|array| Value::Float3s(Cow::Borrowed(array)))
         .into_iter()
-        .chain(level)
+        .chain(per_curve)
         .chain(accelerations)
         .chain(normals)
         .chain(reactions)

@@ -51,6 +51,8 @@ pub(super) const TIE_GUIDE: &str = "primvars:groom_tie_guide";
 pub(super) const TIE_NUMBER: &str = "primvars:groom_tie_number";
 /// Level of each curve.
 pub(super) const LEVEL: &str = "primvars:groom_level";
+/// Whether each guide has arrived at a moment between frames.
+pub(super) const ARRIVED: &str = "primvars:groom_arrived";
 
 /// Minimal width of frame numbers in file names, padded with zeros: `####` in the clip template.
 const FRAME_DIGITS: usize = 4;

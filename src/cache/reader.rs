@@ -5,9 +5,9 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGu
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, LOOSE, MANIFEST, PLANE, SKIN,
-    TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name,
-    frames_on_disk,
+    ARC, ARRIVED, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, LOOSE, MANIFEST,
+    PLANE, SKIN, TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, collider_prim_names,
+    frame_file_name, frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
@@ -114,7 +114,7 @@ impl Source {
         let guides = if has_guides { self.curves(GUIDES)? } else { CurveSet::default() };
         let [levels, accelerations] =
             [LEVEL, "accelerations"].map(|name| self.has(if has_guides { GUIDES } else { HAIR }, name));
-        let normals = self.has(GUIDES, "normals");
+        let [steps, normals] = [ARRIVED, "normals"].map(|name| self.has(GUIDES, name));
         let reactions = if self.has(GUIDES, CLAMP_FORCE) { Some(self.held_guides()?) } else { None };
         let names = self
             .layer
@@ -132,6 +132,7 @@ impl Source {
             guides,
             colliders,
             levels,
+            steps,
             accelerations,
             normals,
             reactions,
@@ -157,7 +158,11 @@ impl Source {
                     true => Some(self.take(GUIDES, "normals", Some(time), float3s)?),
                     false => None,
                 };
-                CurveFrame { normals, reactions, ..self.moving_curves(GUIDES, time, header)? }
+                let arrived = match header.steps {
+                    true => Some(self.take(GUIDES, ARRIVED, Some(time), ints)?),
+                    false => None,
+                };
+                CurveFrame { arrived, normals, reactions, ..self.moving_curves(GUIDES, time, header)? }
             }
         };
         let head = self.transform("/groom/head", time)?;
@@ -225,6 +230,7 @@ impl Source {
                 true => Some(self.take(prim, "accelerations", Some(time), float3s)?),
                 false => None,
             },
+            arrived: None,
             normals: None,
             reactions: None,
         })

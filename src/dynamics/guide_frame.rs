@@ -43,19 +43,27 @@ pub struct SolverStep {
     pub time: f64,
     /// The guides, in the groom's order; rates are those of the step that led there.
     pub guides: Vec<MovingGuide>,
+    /// Whether the solver brought each guide there. Another moves evenly over a longer step, in the frame of the
+    /// head for contact with guides and in that of a body for contact with it; where it is written is about there.
+    pub arrived: Vec<bool>,
 }
 
 impl SolverStep {
     /// Of guides that all move by themselves.
     pub(super) fn new(time: f64, models: &[GuideModel], states: &[GuideState]) -> Self {
-        let moving = |(model, g): (&GuideModel, &GuideState)| MovingGuide {
-            q: g.q[0].clone(),
-            rate: g.rate().to_vec(),
-            level: 0,
-            reaction: model.reaction(g),
-        };
-        SolverStep { time, guides: models.iter().zip(states).map(moving).collect() }
+        let guides = models.iter().zip(states).map(|(model, g)| moving(model, g)).collect();
+        SolverStep { time, guides, arrived: vec![true; models.len()] }
     }
+
+    /// Lets guide `g` arrive.
+    pub(super) fn arrive(&mut self, g: usize, model: &GuideModel, state: &GuideState) {
+        (self.guides[g], self.arrived[g]) = (moving(model, state), true);
+    }
+}
+
+/// A guide that moves by itself, at the end of a step.
+fn moving(model: &GuideModel, g: &GuideState) -> MovingGuide {
+    MovingGuide { q: g.q[0].clone(), rate: g.rate().to_vec(), level: 0, reaction: model.reaction(g) }
 }
 
 /// The motion of what carries a root, the head or a skin, around a frame.

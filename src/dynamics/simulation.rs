@@ -66,7 +66,7 @@ pub struct SubstepRecord {
     pub hair: HairRecord,
     /// Whether each guide was active.
     pub active: Vec<bool>,
-    /// True if the guides took the sub-step coupled, halving it for all of them at once.
+    /// True if the guides took the sub-step coupled: no guide halved it without those that it touches.
     pub coupled: bool,
     /// Strain nodes with unknowns of the guides that are active from now on.
     pub active_nodes: u32,
@@ -151,20 +151,17 @@ fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) 
     let State { guides, strand_contacts, batches, path, record, .. } = state;
     let records = &mut record.guides[..];
     records.fill(StepRecord::default());
-    let mut observe = |t: f64, guides: &[GuideState]| {
-        if writes {
-            path.push(SolverStep::new(t, &model.guides, guides));
-        }
-    };
+    let path = writes.then_some(path);
     match strand_contacts {
         None => {
             batches.step(&model.guides, env, guides, span, model.contact_mode(), records);
-            observe(span[1], guides);
+            if let Some(path) = path {
+                path.push(SolverStep::new(span[1], &model.guides, guides));
+            }
         }
         Some(strand_contacts) => {
             let (models, states) = (&model.guides[..], &mut guides[..]);
-            CoupledSubstep { models, states, strand_contacts, batches, env, observe: &mut observe }
-                .step(span, records);
+            CoupledSubstep { models, states, strand_contacts, batches, env, path }.step(span, records);
         }
     }
 }

@@ -137,12 +137,14 @@ fn step_samples_are_the_states_of_the_solver() {
     for contact in ["bodies", "full"] {
         let options = ["--curves", "steps", "--contact", contact];
         let out = baked(&scene, contact, &options);
-        let (header, at_frame, _) = read(&out);
+        let (header, mut at_frame, _) = read(&out);
+        assert_eq!(at_frame.guides.arrived.take(), Some(vec![1; header.guides.counts.len()]));
         let plain = ["--curves", "guides", "--contact", contact, "--resolution", "full"];
         let (_, of_guides, _) = read(&baked(&scene, "guides", &plain));
         assert_eq!((header.hair, &at_frame), (None, &of_guides));
         let moments = Reader::open(&out).unwrap().read_samples(1003, [0.0, 0.5]).unwrap();
         assert!(moments[0].guides.points != moments[1].guides.points && moments[0].head != moments[1].head);
+        assert!(moments.iter().all(|m| m.guides.arrived == Some(vec![1; header.guides.counts.len()])));
         let path = out.join("hair.1003.usdc");
         let mut layer = crate_file::decode(&path, &here(&path)).unwrap();
         let samples = &layer.prim_mut("/groom/guides").unwrap().attribute_mut("points").unwrap().samples;

@@ -27,6 +27,7 @@ COLLIDERS = "/groom/colliders"
 MATERIAL = "/groom/materials/hair"
 TRANSFORM = "xformOp:transform"
 LEVEL = "primvars:groom_level"
+ARRIVED = "primvars:groom_arrived"
 GUIDES_PER_STRAND = 3
 """Number of guides that a cache names for each render strand."""
 ACCELERATIONS = "accelerations"
@@ -243,7 +244,7 @@ class Cache:
         paths += [
             f"{curves.path}.{name}"
             for curves in self.curves
-            for name in (LEVEL, ACCELERATIONS, NORMALS, *CLAMPS, *HELD)
+            for name in (LEVEL, ARRIVED, ACCELERATIONS, NORMALS, *CLAMPS, *HELD)
             if self.stage.GetPrimAtPath(curves.path).GetAttribute(name).IsAuthored()
         ]
         deforming = [mesh.path for mesh in self.colliders if mesh.deforms]

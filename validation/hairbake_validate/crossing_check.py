@@ -2,7 +2,9 @@
 
 Between successive samples, handles included, guides are tested against each collider in the collider's own
 space, and against each other and themselves in the space of the head. Bake with `--curves steps` to test
-every step of the solver.
+every step of the solver. Where guides divide a step that others take whole, each is tested over its own
+steps: between the ends of one it moves evenly, against a collider in the collider's space, against guides in
+that of the head.
 
 A collider cannot keep out a guide that is drawn through it, and roots lie in the scalp: for each collider,
 segments that pierce it at rest are excluded, and so are all between such a segment and the root. Their number
@@ -11,14 +13,14 @@ is printed.
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from .cache import GUIDES, HEAD, TRANSFORM, Cache, CacheError, Curves, Mesh, read_frame
+from .cache import ARRIVED, GUIDES, HEAD, TRANSFORM, Cache, CacheError, Curves, Mesh, read_frame
 from .crossings import boxes, meeting_boxes, segments_meet_faces, strand_body, strand_strand
 from .geometry import Array, BoolArray, FloatArray, IntArray, transformed
 
@@ -46,6 +48,8 @@ class Count:
     """Pairs of a segment and a triangle whose boxes intersect, over all intervals."""
     strand_pairs: int = 0
     """Pairs of segments of guides whose boxes intersect, over all intervals."""
+    of_some: int = 0
+    """Samples at which only some guides are at the end of a step."""
     excluded: int = 0
     """Pairs of a segment and a collider that are excluded."""
     events: list[Event] = field(default_factory=list)
@@ -67,6 +71,10 @@ class Sample:
 
     frame: int
     """The sample's frame; the next frame for a sample between frames."""
+    time: float
+    """Its time code."""
+    arrived: BoolArray
+    """Whether each guide is at the end of a step."""
     points: FloatArray
     """Points of the guides in world space, `N × 3`."""
     head: FloatArray
@@ -90,41 +98,86 @@ def count(cache: Cache, strands: bool = True) -> Count:
     owner = guides.curve_of_point[first]
     tested = [~excluded(guides, first, mesh, rest_to_groom(cache, mesh)) for mesh in cache.colliders]
     found = Count(excluded=sum(int((~segments).sum()) for segments in tested))
-    for before, now in pairwise(samples(cache)):
-        for mesh, segments, old, new in zip(cache.colliders, tested, before.bodies, now.bodies, strict=True):
-            start = before.local_points(old.to_world)[ends[segments]]
-            end = now.local_points(new.to_world)[ends[segments]]
-            hit = strand_body(start, end, old.corners, new.corners)
-            found.body_pairs += hit.tested
-            crossed = np.unique(owner[segments][hit.pairs[:, 0]])
-            found.events += [Event(now.frame, mesh.path, (int(curve),)) for curve in crossed]
+    for way in ways(samples(cache)):
+        found.of_some += len(way) - 2
+        for before, now, own in steps(way):
+            for mesh, segments, old, new in zip(
+                cache.colliders, tested, before.bodies, now.bodies, strict=True
+            ):
+                moved = segments & own[owner]
+                start = before.local_points(old.to_world)[ends[moved]]
+                end = now.local_points(new.to_world)[ends[moved]]
+                hit = strand_body(start, end, old.corners, new.corners)
+                found.body_pairs += hit.tested
+                crossed = np.unique(owner[moved][hit.pairs[:, 0]])
+                found.events += [Event(now.frame, mesh.path, (int(curve),)) for curve in crossed]
         if strands:
-            hit = strand_strand(
-                before.local_points(before.head)[ends], now.local_points(now.head)[ends], owner
-            )
-            found.strand_pairs += hit.tested
-            met = np.unique(np.sort(owner[hit.pairs], axis=1), axis=0)
-            found.events += [Event(now.frame, "strands", (int(a), int(b))) for a, b in met]
+            points = points_in_head(way, guides.curve_of_point)
+            for (start, end), now in zip(pairwise(points), way[1:], strict=True):
+                hit = strand_strand(start[ends], end[ends], owner)
+                found.strand_pairs += hit.tested
+                met = np.unique(np.sort(owner[hit.pairs], axis=1), axis=0)
+                found.events += [Event(now.frame, "strands", (int(a), int(b))) for a, b in met]
     return found
+
+
+def ways(all_samples: Iterable[Sample]) -> Iterator[list[Sample]]:
+    """The ways between successive samples at which all guides have arrived, both ends included."""
+    way: list[Sample] = []
+    for now in all_samples:
+        way.append(now)
+        if now.arrived.all():
+            if len(way) > 1:
+                yield way
+            way = [now]
+    if len(way) > 1:
+        raise CacheError("damaged: some guides have not arrived at the last frame")
+
+
+def steps(way: list[Sample]) -> Iterator[tuple[Sample, Sample, BoolArray]]:
+    """The steps of the guides on a way: the samples at both ends, and the guides that took it."""
+    last = np.zeros(len(way[0].arrived), int)
+    for i, now in enumerate(way[1:], 1):
+        for start in np.unique(last[now.arrived]):
+            yield way[start], now, now.arrived & (last == start)
+        last[now.arrived] = i
+
+
+def points_in_head(way: list[Sample], curve_of_point: IntArray) -> list[FloatArray]:
+    """The points at each sample of a way in the space of the head: evenly between the ends of a step."""
+    points = [now.local_points(now.head) for now in way]
+    if len(way) > 2:
+        times = np.array([now.time for now in way])
+        arrived = np.array([now.arrived for now in way])
+        for guide in np.flatnonzero(~arrived.all(axis=0)):
+            here, at = curve_of_point == guide, np.flatnonzero(arrived[:, guide])
+            for i in np.flatnonzero(~arrived[:, guide]):
+                before, after = at[at < i][-1], at[at > i][0]
+                share = (times[i] - times[before]) / (times[after] - times[before])
+                points[i][here] = (1 - share) * points[before][here] + share * points[after][here]
+    return points
 
 
 def samples(cache: Cache) -> Iterator[Sample]:
     """All samples of the cache, from the first handle frame to the last."""
     for frame in cache.frames:
         file = read_frame(cache, frame)
-        yield sample(cache, frame, file.values)
+        yield sample(cache, frame, frame, file.values)
         if frame != cache.frames[-1]:
-            for _, values in sorted(file.later.items()):
-                yield sample(cache, frame + 1, values)
+            for time, values in sorted(file.later.items()):
+                yield sample(cache, frame + 1, time, values)
 
 
-def sample(cache: Cache, frame: int, values: dict[str, Array]) -> Sample:
+def sample(cache: Cache, frame: int, time: float, values: dict[str, Array]) -> Sample:
     """The sample with these attribute values."""
     bodies = []
     for mesh in cache.colliders:
         points = values[f"{mesh.path}.points"].astype(float) if mesh.deforms else mesh.points
         bodies.append(Body(points[mesh.triangles], values[f"{mesh.path}.{TRANSFORM}"]))
-    return Sample(frame, values[f"{GUIDES}.points"].astype(float), values[f"{HEAD}.{TRANSFORM}"], bodies)
+    points, head = values[f"{GUIDES}.points"].astype(float), values[f"{HEAD}.{TRANSFORM}"]
+    guides = next(curves for curves in cache.curves if curves.path == GUIDES)
+    arrived = values.get(f"{GUIDES}.{ARRIVED}", np.ones(len(guides.counts)))
+    return Sample(frame, time, arrived != 0, points, head, bodies)
 
 
 def rest_to_groom(cache: Cache, mesh: Mesh) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 from . import tolerances
 from .cache import (
     ACCELERATIONS,
+    ARRIVED,
     CLAMPS,
     GUIDES,
     GUIDES_PER_STRAND,
@@ -319,7 +320,8 @@ def expected_shapes(cache: Cache) -> dict[str, tuple[int, ...]]:
             for name in ("points", "velocities", ACCELERATIONS, NORMALS):
                 shapes[f"{curves.path}.{name}"] = (len(curves.rest), 3)
             shapes[f"{curves.path}.extent"] = (2, 3)
-            shapes[f"{curves.path}.{LEVEL}"] = (len(curves.counts),)
+            for name in (LEVEL, ARRIVED):
+                shapes[f"{curves.path}.{name}"] = (len(curves.counts),)
             for name in CLAMPS:
                 shapes[f"{curves.path}.{name}"] = (len(curves.counts), 3)
             ties = len(attribute_value(cache, curves.path, TIES[0]))

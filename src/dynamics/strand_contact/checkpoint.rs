@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 /// Curves of the active guides and the history of their contacts, at the end of a sub-step.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StrandContactsState {
-    pushed: Vec<bool>,
+    pub(super) pushed: Vec<bool>,
     x: Vec<Vector3<f64>>,
-    history: Vec<ContactHistory>,
+    pub(super) history: Vec<ContactHistory>,
 }
 
 impl Checkpoint for StrandContacts {
@@ -20,7 +20,8 @@ impl Checkpoint for StrandContacts {
 
     fn state(&self) -> StrandContactsState {
         // All fields by name: a new field must be either saved or listed as derived.
-        let StrandContacts { own_bundles: _, active: _, pairs, guides: _, pushed } = self;
+        let StrandContacts { own_bundles: _, active: _, pairs, guides: _, pushed, given: _, touched: _ } =
+            self;
         let ContactPairs {
             bundles: _,
             near_root: _,

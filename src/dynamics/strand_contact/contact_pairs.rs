@@ -15,8 +15,8 @@ use std::ops::Range;
 /// again, m. At most [`REACH`], so that two guides that both move by it find each other.
 pub(super) const MARGIN: f64 = REACH;
 
-/// Arc length from the root within which guides have no contact, m: there they stand as drawn, and pushing
-/// them apart by a hair's width would fling their tips.
+/// Arc length from the root within which guides have no contact with each other, m: there they stand as drawn, and
+/// pushing them apart by a hair's width would fling their tips.
 const ROOT_LENGTH: f64 = 0.01;
 
 /// Least required distance, m, however close the guides were drawn: a guard against crossing by rounding.
@@ -172,7 +172,7 @@ impl ContactPairs {
     }
 
     /// The points of guide `g`.
-    fn points_of(&self, g: usize) -> Range<usize> {
+    pub fn points_of(&self, g: usize) -> Range<usize> {
         let end = self.first.get(g + 1).map_or(self.guide.len(), |&k| k as usize);
         self.first[g] as usize..end
     }
@@ -216,11 +216,11 @@ impl ContactPairs {
     }
 
     /// Begins a sub-step of `duration`, s: finds the contacts at its start and the impacts on the way to the
-    /// current ends.
-    pub fn begin(&mut self, duration: f64) {
+    /// current ends, of guides that are `wanted`.
+    pub fn begin(&mut self, duration: f64, wanted: impl Fn(usize) -> bool + Sync) {
         self.duration = duration;
         self.contacts.clear();
-        self.find_candidates();
+        self.find_candidates(wanted);
         let (strands, pairs) = (self.strands(), &*self);
         let near = |Candidate { closest, required }: &Candidate| {
             let contact =
@@ -258,11 +258,11 @@ impl ContactPairs {
         kept.into_iter().map(|i| near[i]).collect()
     }
 
-    /// Finds the pairs that may meet within this sub-step if no point moves by more than [`MARGIN`] from the
-    /// current ends.
-    pub fn find_candidates(&mut self) {
+    /// Finds the pairs of `wanted` guides that may meet within this sub-step if no point moves by more than
+    /// [`MARGIN`] from the current ends.
+    pub fn find_candidates(&mut self, wanted: impl Fn(usize) -> bool + Sync) {
         self.candidates.clear();
-        self.add_candidates(|_| true);
+        self.add_candidates(wanted);
     }
 
     /// Adds the pairs of guides that have `moved` that may meet within this sub-step if no point moves by more
@@ -274,7 +274,8 @@ impl ContactPairs {
             hair_radius + bundle_radius + 0.5 * (REACH + MARGIN)
         };
         let candidate = |pair: SegmentPair| {
-            let near_roots = [pair.0, pair.1].iter().all(|&k| pairs.near_root[k as usize]);
+            let [a, b] = pairs.guides_of(pair);
+            let near_roots = a != b && [pair.0, pair.1].iter().all(|&k| pairs.near_root[k as usize]);
             let closest = (!near_roots).then(|| strands.closest_pair(pair))?;
             let required = pairs.required_distance(pair);
             let is_near = strands.distance_lower_bound(&closest) < required + REACH + MARGIN;
@@ -399,11 +400,16 @@ impl ContactPairs {
             reaction: p.reaction,
         });
         self.history = history.collect();
+        self.sort_history();
+        self.x.swap(0, 1);
+    }
+
+    /// Restores the order of the history.
+    pub fn sort_history(&mut self) {
         self.history.sort_by(|a, b| {
             let positions = || a.at[0].total_cmp(&b.at[0]).then(a.at[1].total_cmp(&b.at[1]));
             a.guides.cmp(&b.guides).then_with(positions)
         });
-        self.x.swap(0, 1);
     }
 
     /// Slip of a contact in the sub-step that has just ended, m.

@@ -49,6 +49,11 @@ impl DisjointSets {
         DisjointSets((0..count as u32).collect())
     }
 
+    /// Number of the integers.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
     /// The least element of the set that contains `i`.
     pub fn least_of(&mut self, i: usize) -> usize {
         let mut i = i as u32;

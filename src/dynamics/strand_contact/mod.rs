@@ -10,6 +10,8 @@ mod contact_law;
 mod contact_pair;
 mod contact_pairs;
 mod coupled_guide;
+mod division;
+mod given_motion;
 mod island;
 mod reactions;
 mod strand_contacts;

@@ -4,6 +4,7 @@ use super::contact_law::BundleProperties;
 use super::contact_pair::ContactPair;
 use super::contact_pairs::ContactPairs;
 use super::coupled_guide::{CoupledGuide, EndState};
+use super::given_motion::GivenMotion;
 use super::island::{DisjointSets, Island};
 use super::reactions::Reactions;
 use crate::dynamics::environment::Environment;
@@ -35,6 +36,10 @@ pub(in crate::dynamics) struct StrandContacts {
     /// Guides that others, or they themselves, pushed in the sub-step before. They are coupled from the start:
     /// uncoupled, they would fall through what supports them.
     pub(super) pushed: Vec<bool>,
+    /// Motions of guides that have taken a part of a sub-step that others take again.
+    pub(super) given: Vec<Option<GivenMotion>>,
+    /// Pairs of a free guide and one with a given motion that it pushed or crossed in the part just taken.
+    pub(super) touched: Vec<[usize; 2]>,
 }
 
 impl StrandContacts {
@@ -44,6 +49,8 @@ impl StrandContacts {
             active: Vec::new(),
             guides: own_bundles.iter().map(|_| CoupledGuide::new()).collect(),
             pushed: vec![false; own_bundles.len()],
+            given: vec![None; own_bundles.len()],
+            touched: Vec::new(),
             pairs: ContactPairs::new(&[], Vec::new()),
             own_bundles,
         }
@@ -96,21 +103,25 @@ impl StrandContacts {
         &self.active
     }
 
-    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each active guide has just taken
-    /// uncoupled.
+    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each free guide has just taken
+    /// uncoupled. If the caller `may_divide` it for guides that fail, these are left as they are.
     pub fn resolve(
         &mut self,
         models: &[GuideModel],
         states: &mut [GuideState],
         env: &Environment,
-        t: [f64; 2],
+        (t, may_divide): ([f64; 2], bool),
         records: &mut [StepRecord],
     ) {
         let head = (env.head)(t[1]).inverse();
         let to_world = head.rotation.inverse();
         self.pairs.x[1] = head_frame_curves(models, states, &self.active, env, t[1]);
-        self.pairs.begin(t[1] - t[0]);
-        self.guides.iter_mut().zip(&*records).for_each(|(guide, record)| guide.begin(record));
+        self.place_given(t);
+        let StrandContacts { pairs, given, .. } = self;
+        pairs.begin(t[1] - t[0], |g| given[g].is_none());
+        for ((guide, record), given) in self.guides.iter_mut().zip(&*records).zip(&self.given) {
+            guide.begin(record.unconverged == 0 && given.is_none());
+        }
         for _ in 0..MAX_ROUNDS {
             let mut islands = self.couple_islands(models, states, env, t);
             islands.retain(|island| island.guides.iter().any(|&g| self.guides[g].needs_round));
@@ -120,8 +131,16 @@ impl StrandContacts {
             self.solve(models, states, env, &islands, &to_world);
             self.advance(models, states, env, &islands, &head);
             self.detect(&islands);
+            if may_divide {
+                self.give_up(states, &islands);
+            }
         }
-        self.apply_fallbacks(models, states, env, t);
+        self.touched = self.touching_given();
+        // What fails again and again is not a reason to divide.
+        if !may_divide || self.failing().any(|g| states[g].stuck) {
+            self.apply_fallbacks(models, states, env, t);
+            self.touched.extend(self.touching_given());
+        }
         self.record(models, states, env, records);
         self.finish(models, states, env, t);
     }
@@ -139,7 +158,7 @@ impl StrandContacts {
 
     /// Couples all guides connected, over contacts that may act, with a guide that is in a violated or cohesive contact,
     /// was pushed before, or is already coupled; returns their islands. Guides whose uncoupled step did not
-    /// converge stay where they are.
+    /// converge, and those given up, stay where they are.
     fn couple_islands(
         &mut self,
         models: &[GuideModel],
@@ -147,13 +166,13 @@ impl StrandContacts {
         env: &Environment,
         t: [f64; 2],
     ) -> Vec<Island> {
-        let converged = |g: usize| self.guides[g].converged;
+        let joins = |g: usize| self.guides[g].converged && !self.guides[g].given_up;
         let mut sets = DisjointSets::new(models.len());
         let mut wanted = self.pushed.clone();
         let acting: Vec<bool> = self.pairs.contacts.iter().map(|pair| self.may_act(pair)).collect();
         for (pair, acts) in self.pairs.contacts.iter().zip(&acting) {
             let [a, b] = self.pairs.guides(&pair.contact);
-            if *acts && converged(a) && converged(b) {
+            if *acts && joins(a) && joins(b) {
                 sets.unite(a, b);
             }
             if pair.needs_coupling() {
@@ -161,7 +180,7 @@ impl StrandContacts {
                 wanted[b] = true;
             }
         }
-        let wanted = (0..models.len()).filter(|&g| converged(g) && (wanted[g] || self.guides[g].is_coupled));
+        let wanted = (0..models.len()).filter(|&g| joins(g) && (wanted[g] || self.guides[g].is_coupled));
         let (mut islands, island_of) = Island::from_sets(sets, models.len(), wanted);
         self.guides.iter_mut().for_each(|guide| guide.sides.clear());
         let may_act = self.pairs.contacts.iter().enumerate().filter(|(i, _)| acting[*i]);
@@ -269,6 +288,22 @@ impl StrandContacts {
         }
     }
 
+    /// Gives up the islands in which a guide does not come to rest, unless that is no reason to divide.
+    fn give_up(&mut self, states: &[GuideState], islands: &[Island]) {
+        for island in islands {
+            if island.guides.iter().any(|&g| !states[g].stuck && self.guides[g].is_hopeless()) {
+                island.guides.iter().for_each(|&g| self.guides[g].given_up = true);
+            }
+        }
+    }
+
+    /// The free guides that violate a body or cross another guide.
+    fn failing(&self) -> impl Iterator<Item = usize> {
+        let violating = (0..self.guides.len()).filter(|&g| self.guides[g].violates_bodies());
+        let crossing = self.pairs.crossing.iter().flat_map(|&pair| self.pairs.guides_of(pair));
+        violating.chain(crossing).filter(|&g| self.given[g].is_none())
+    }
+
     /// Applies the fallbacks. Guides that still violate a body end uncoupled. Guides that cross each other
     /// take half of their motion, then a quarter, then rest on the head; so do guides that then cross these.
     /// Bodies take precedence: a guide that a body prevents from resting on the head ends uncoupled, even if
@@ -290,8 +325,8 @@ impl StrandContacts {
         }
         loop {
             let crossing = self.pairs.crossing.iter().flat_map(|&pair| self.pairs.guides_of(pair));
-            let crossing: BTreeSet<usize> =
-                crossing.filter(|&g| !self.guides[g].is_fully_truncated()).collect();
+            let may_be_cut = |&g: &usize| self.given[g].is_none() && !self.guides[g].is_fully_truncated();
+            let crossing: BTreeSet<usize> = crossing.filter(may_be_cut).collect();
             if crossing.is_empty() {
                 break;
             }
@@ -312,8 +347,9 @@ impl StrandContacts {
     /// Detects contacts after guides have moved by any distance.
     fn redetect(&mut self, head: &Isometry3<f64>) {
         self.update_ends(head);
-        self.pairs.find_candidates();
-        self.pairs.detect(|_| true);
+        let StrandContacts { pairs, given, .. } = self;
+        pairs.find_candidates(|g| given[g].is_none());
+        pairs.detect(|_| true);
     }
 
     fn record(
@@ -327,15 +363,17 @@ impl StrandContacts {
         for (((guide, model), state), record) in guides {
             guide.record(model, state, env, record);
         }
+        // What a free guide has with one whose motion is given is its own.
+        let owner = |[a, b]: [usize; 2]| if self.given[a].is_none() { a } else { b };
         for pair in &self.pairs.contacts {
-            let record = &mut records[self.pairs.guides(&pair.contact)[0]].strands;
+            let record = &mut records[owner(self.pairs.guides(&pair.contact))].strands;
             record.found += 1;
             record.active += u32::from(pair.is_active());
             record.missing = record.missing.max(self.pairs.missing(pair));
             record.work += pair.force().dot(&self.pairs.slip(pair));
         }
         for &pair in &self.pairs.crossing {
-            records[self.pairs.guides_of(pair)[0]].strands.crossings += 1;
+            records[owner(self.pairs.guides_of(pair))].strands.crossings += 1;
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod bundles;
 mod detection;
+mod division;
 mod impacts;
 mod itself;
 
@@ -13,6 +14,7 @@ use crate::dynamics::batch::Batches;
 use crate::dynamics::coupled_substep::CoupledSubstep;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::{ContactMode, ContactSolve, GuideModel, GuideScratch, GuideState};
+use crate::dynamics::guide_frame::{MovingGuide, SolverStep};
 use crate::dynamics::load::GuideLoad;
 use crate::dynamics::step_record::StepRecord;
 use crate::geometry::{Shape, segment_segment};
@@ -77,9 +79,11 @@ struct Motion {
     guides: Vec<GuideState>,
     strand_contacts: StrandContacts,
     records: Vec<StepRecord>,
-    /// Curves at the start of the last sub-step and at every time reached in it, in the frame of the head,
+    /// Curves at the start of the last sub-step and at every time that some guides reached in it, in the frame of the head,
     /// with the midpoints between the rods' points.
     x: Vec<Vec<Vec<V>>>,
+    /// Number of times in the last sub-step at which each guide arrived.
+    arrivals: Vec<usize>,
 }
 
 const STILL: &(dyn Fn(f64) -> Isometry3<f64> + Sync) = &|_| Isometry3::identity();
@@ -121,31 +125,53 @@ impl Scene<'_> {
         let batches = Batches::new(&models, |_| true);
         let mut strand_contacts = StrandContacts::new(self.bundles.clone());
         strand_contacts.rebuild(&models, &guides, |g| g, &env, 0.0);
-        let local = |models: &[GuideModel], guides: &[GuideState], t: f64| -> Vec<Vec<V>> {
-            let head = (self.head)(t).inverse();
-            let of = |(model, g): (&GuideModel, &GuideState)| {
-                let (root, mut shape) = (model.root(&env, t), RodShape::default());
-                shape.update(&model.rod, &root.r, &g.q[0]);
+        let local = |models: &[GuideModel], step: &SolverStep| -> Vec<Vec<V>> {
+            let head = (self.head)(step.time).inverse();
+            let of = |(model, g): (&GuideModel, &MovingGuide)| {
+                let (root, mut shape) = (model.root(&env, step.time), RodShape::default());
+                shape.update(&model.rod, &root.r, &g.q);
                 shape
-                    .refined_curve(&model.rod, &g.q[0])
+                    .refined_curve(&model.rod, &g.q)
                     .map(|x| head.transform_point(&(x + root.p).into()).coords)
                     .collect()
             };
-            models.iter().zip(guides).map(of).collect()
+            models.iter().zip(&step.guides).map(of).collect()
         };
-        let x = local(&models, &guides, 0.0);
+        let mut path = vec![SolverStep::new(0.0, &models, &guides)];
+        let x = vec![local(&models, &path[0])];
         let records = vec![StepRecord::default(); guides.len()];
-        let mut motion = Motion { models, guides, strand_contacts, records, x: vec![x] };
+        let mut motion = Motion { models, guides, strand_contacts, records, x, arrivals: Vec::new() };
         for step in 0..(seconds / self.h) as u32 {
             let t = [f64::from(step) * self.h, f64::from(step + 1) * self.h];
-            let Motion { models, guides: states, strand_contacts, records, x } = &mut motion;
-            x.drain(..x.len() - 1);
-            let observe = &mut |t: f64, guides: &[GuideState]| x.push(local(models, guides, t));
-            CoupledSubstep { models, states, strand_contacts, batches: &batches, env: &env, observe }
+            let Motion { models, guides: states, strand_contacts, records, x, arrivals } = &mut motion;
+            path.drain(..path.len() - 1);
+            let (batches, env) = (&batches, &env);
+            CoupledSubstep { models, states, strand_contacts, batches, env, path: Some(&mut path) }
                 .step(t, records);
+            *x = path.iter().map(|step| local(models, step)).collect();
+            place_between(x, &path);
+            assert!(path.is_sorted_by(|a, b| a.time < b.time) && path.last().unwrap().time == t[1]);
+            assert!(path.last().unwrap().arrived.iter().all(|arrived| *arrived));
+            let of = |g: usize| path[1..].iter().filter(|step| step.arrived[g]).count();
+            *arrivals = (0..models.len()).map(of).collect();
             each(t[1], &motion);
         }
         motion
+    }
+}
+
+/// Places the curves `x` of guides that have not arrived at a time evenly between the times at which they have.
+fn place_between(x: &mut [Vec<Vec<V>>], path: &[SolverStep]) {
+    for g in 0..path[0].guides.len() {
+        let arrivals: Vec<usize> = (0..path.len()).filter(|&i| path[i].arrived[g]).collect();
+        for ends in arrivals.windows(2) {
+            let [start, end] = [ends[0], ends[1]].map(|i| (path[i].time, x[i][g].clone()));
+            let between = x[..ends[1]].iter_mut().zip(path).skip(ends[0] + 1);
+            for (x, step) in between {
+                let share = (step.time - start.0) / (end.0 - start.0);
+                x[g] = start.1.iter().zip(&end.1).map(|(a, b)| a.lerp(b, share)).collect();
+            }
+        }
     }
 }
 
@@ -249,7 +275,7 @@ fn a_crossing_beside_a_kept_contact_is_detected() {
     let with_middle = |[a, b]: [V; 2]| [a, a.lerp(&b, 0.5), b];
     let mut pairs = ContactPairs::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![BUNDLE; 2]);
     pairs.x = [[a, b].map(with_middle).concat(), [a, b].map(with_middle).concat()];
-    pairs.begin(H);
+    pairs.begin(H, |_| true);
     assert_eq!((pairs.contacts.len(), pairs.crossing.len()), (1, 0));
     // The middle is pushed away; the closest point slides to where the second has tilted through the first.
     pairs
@@ -269,7 +295,7 @@ fn equivalent_contacts_are_kept_once() {
     let mut pairs = ContactPairs::new(&[&arc, &arc], vec![BUNDLE; 2]);
     let x: Vec<V> = points(0.0, [0.0; 2]).chain(points(1e-3, [4e-4, 4.2e-4])).collect();
     pairs.x = [x.clone(), x];
-    pairs.begin(H);
+    pairs.begin(H, |_| true);
     let along = |m| [0, 1].map(|side| pairs.position_on_rod(m, side)).map(|(k, u)| k as f64 + u);
     let mut at: Vec<_> = pairs.contacts.iter().map(|p| along(&p.contact)).collect();
     at.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -300,7 +326,7 @@ fn over_a_ball(
     let mut record =
         model.step(&env, &mut state, [0.0, H], ContactMode::Bodies, &mut GuideScratch::default());
     let mut guide = CoupledGuide::new();
-    guide.begin(&record);
+    guide.begin(true);
     assert!(guide.converged && record.penetration < 1e-5, "{record:?}");
     guide.couple(&model, &mut state, &env, [0.0, H]);
     each(&mut guide, (&model, &mut state), &env, &mut record);
@@ -503,14 +529,25 @@ fn cohesion_holds_strands_together_up_to_their_weight() {
 
 /// Forty strands on a plate, in random directions.
 fn brush() -> Vec<Rod> {
+    brush_at(V::zeros())
+}
+
+/// A brush that is alike, at another place, m.
+fn brush_at(place: V) -> Vec<Rod> {
     let mut drawn = 0..;
     let mut within = |scale: f64| (random::unit(7, drawn.next().unwrap()) - 0.5) * scale;
     (0..40)
         .map(|_| {
-            let root = V::new(within(0.05), 0.0, within(0.05));
+            let root = place + V::new(within(0.05), 0.0, within(0.05));
             strand(root, root + V::new(within(0.05), 0.11 + within(0.04), within(0.05)), 1.0)
         })
         .collect()
+}
+
+/// The head of hair that is thrown about.
+fn thrown(t: f64) -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_scaled_axis(V::z() * (2.0 * (30.0 * t).sin()));
+    Isometry3::from_parts(V::x().scale(0.1 * (40.0 * t).sin()).into(), turn)
 }
 
 fn shaken(t: f64) -> Isometry3<f64> {
@@ -542,41 +579,4 @@ fn a_shaken_brush_does_not_cross_itself_and_comes_to_rest() {
     let speeds: Vec<f64> = end.guides.iter().flat_map(|g| &g.v).map(|v| v.norm()).collect();
     let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
     assert!(mean < 5e-4, "{mean} m/s");
-}
-
-#[test]
-fn a_brush_thrown_about_in_long_substeps_halves_them_and_does_not_cross_itself() {
-    let mut scene = Scene::new(brush());
-    scene.h = 1.0 / 24.0;
-    scene.head = &|t: f64| {
-        let turn = UnitQuaternion::from_scaled_axis(V::z() * (2.0 * (30.0 * t).sin()));
-        Isometry3::from_parts(V::x().scale(0.1 * (40.0 * t).sin()).into(), turn)
-    };
-    let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
-    scene.bodies = vec![ball];
-    let (mut parts, mut steps) = (0, 0);
-    scene.run(0.13, |t, m| {
-        // All guides take the same parts, and every part is observed.
-        assert!(m.records.iter().all(|r| r.halvings as usize + 2 == m.x.len()));
-        parts += m.x.len() - 1;
-        steps += 1;
-        assert_eq!(m.crossings(), 0, "at {t} s");
-        assert_eq!(m.records.iter().map(|r| r.crossed + r.strands.crossings).sum::<u32>(), 0);
-    });
-    assert!(parts > steps, "{parts} parts of {steps} sub-steps");
-}
-
-#[test]
-fn threads_change_no_bit() {
-    let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let mut scene = Scene::new(brush());
-            scene.head = &shaken;
-            let end = scene.run(0.2, |_, _| {});
-            assert!(end.active() > 0);
-            end.guides.into_iter().map(|g| (g.x, g.v)).collect::<Vec<_>>()
-        })
-    };
-    assert!(run(1) == run(2));
 }

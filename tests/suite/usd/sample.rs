@@ -50,8 +50,7 @@ pub fn frame(header: &Header, frame: i32) -> Frame {
             accelerations,
             extent,
             level,
-            normals: None,
-            reactions: None,
+            ..CurveFrame::default()
         }
     };
     // A quarter turn about z and a translation: not its own transpose.

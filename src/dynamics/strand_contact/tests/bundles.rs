@@ -99,7 +99,7 @@ fn shaken_about() -> Environment<'static> {
 /// The guides and reactions, N, of the active contacts in the history, found again without motion.
 fn pushed(strand_contacts: &mut StrandContacts) -> Vec<([usize; 2], V)> {
     strand_contacts.pairs.x[1] = strand_contacts.pairs.x[0].clone();
-    strand_contacts.pairs.begin(H);
+    strand_contacts.pairs.begin(H, |_| true);
     let pushing = strand_contacts.pairs.contacts.iter().filter(|p| p.is_active());
     pushing.map(|p| (strand_contacts.pairs.guides(&p.contact), p.reaction)).collect()
 }
@@ -156,7 +156,7 @@ fn a_thickened_bundle_recovers_no_distance_that_the_pair_never_had() {
         with_middle(V::new(0.049, 1e-3, -0.05), V::new(0.049, 1e-3, 0.04)),
     ];
     pairs.x = [x.concat(), x.concat()];
-    pairs.begin(H);
+    pairs.begin(H, |_| true);
     assert_eq!(pairs.contacts.len(), 1);
     assert!(pairs.contacts[0].gap() >= 0.0 && !pairs.contacts[0].needs_coupling());
     // They keep the distance that they reach.
@@ -164,7 +164,7 @@ fn a_thickened_bundle_recovers_no_distance_that_the_pair_never_had() {
     pairs.detect(|_| true);
     pairs.end();
     pairs.x[1] = pairs.x[0].clone();
-    pairs.begin(H);
+    pairs.begin(H, |_| true);
     assert!((pairs.contacts[0].required - 2e-3).abs() < 1e-12, "{}", pairs.contacts[0].required);
 }
 
@@ -179,10 +179,10 @@ fn missing_distance_is_regained_per_time() {
         let bundle = BundleProperties { bundle_radius: 3e-3, ..BUNDLE };
         let mut pairs = ContactPairs::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![bundle; 2]);
         pairs.x = [apart(had), apart(had)];
-        pairs.begin(duration);
+        pairs.begin(duration, |_| true);
         pairs.end();
         pairs.x = [apart(left), apart(left)];
-        pairs.begin(duration);
+        pairs.begin(duration, |_| true);
         (pairs.contacts[0].required - left) / duration
     };
     // A twentieth of a second for 0.2 mm; at most 5 cm/s for 4 mm.
@@ -203,7 +203,7 @@ fn guides_that_come_too_close_within_a_step_are_in_contact() {
         let across = with_middle(V::new(0.049, y, -0.05), V::new(0.049, y, 0.04));
         [with_middle(V::zeros(), V::x() * 0.1), across].concat()
     });
-    pairs.begin(H);
+    pairs.begin(H, |_| true);
     assert_eq!(pairs.contacts.len(), 1);
     assert!(pairs.contacts[0].needs_coupling() && (pairs.contacts[0].required / d - 1.0).abs() < 1e-9);
 }

@@ -18,7 +18,7 @@ fn detection_of_guides_that_have_moved_finds_what_detection_of_all_does() {
         let mut pairs = ContactPairs::new(&vec![&arc[..]; guides], vec![BUNDLE; guides]);
         pairs.drawn.clone_from(&x);
         pairs.x = [x.clone(), ends.clone()];
-        pairs.begin(H);
+        pairs.begin(H, |_| true);
         pairs
     });
     let before = all.contacts.len();
@@ -35,7 +35,7 @@ fn detection_of_guides_that_have_moved_finds_what_detection_of_all_does() {
             local.add_candidates(far);
         }
         local.detect(moves);
-        all.find_candidates();
+        all.find_candidates(|_| true);
         all.detect(|_| true);
         let contacts = |pairs: &ContactPairs| pairs.contacts.iter().map(|p| p.contact).collect::<Vec<_>>();
         assert_eq!(contacts(&local), contacts(&all), "round {round}");

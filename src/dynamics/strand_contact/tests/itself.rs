@@ -74,7 +74,7 @@ fn pairs(x: [&[V]; 2], drawn: &[V]) -> ContactPairs {
     let mut pairs = ContactPairs::new(&[&arc], vec![ROPE]);
     pairs.drawn = drawn.to_vec();
     pairs.x = x.map(<[V]>::to_vec);
-    pairs.begin(H);
+    pairs.begin(H, |_| true);
     pairs
 }
 
