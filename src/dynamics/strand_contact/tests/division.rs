@@ -70,6 +70,11 @@ fn a_part_of_a_brush_takes_parts_without_the_rest_and_nothing_crosses() {
         of_some += usize::from(divided > 0 && divided < m.records.len());
         assert_eq!(m.arrivals, m.records.iter().map(|r| r.halvings as usize + 1).collect::<Vec<_>>());
         assert_eq!(m.crossings(), 0, "at {t} s");
+        // What a guide that took parts pushes took parts with it: else it would not give way.
+        for known in m.strand_contacts.pairs.history.iter().filter(|k| k.reaction != V::zeros()) {
+            let [a, b] = known.guides.map(|g| m.records[g as usize].halvings > 0);
+            assert_eq!(a, b, "{:?} at {t} s", known.guides);
+        }
     });
     assert!(of_some > 0);
 }
