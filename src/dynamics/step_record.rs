@@ -44,6 +44,8 @@ pub struct StrandRecord {
     pub residual: f64,
     /// 1 if the coupled solve was accepted before it converged.
     pub unsettled: u32,
+    /// 1 if moreover it was given up, still moved by much, loses a contact or violates a body: others are next to rest.
+    pub unsolved: u32,
     /// 1 if the coupled solve was rejected and the guide kept its uncoupled motion.
     pub uncoupled: u32,
     /// 1 if the motion was truncated, or the guide held at rest on the head, to avoid crossing another guide.
@@ -79,9 +81,10 @@ impl StepRecord {
         self.crossed + self.strands.crossings > 0
     }
 
-    /// True if a solve failed, was accepted before it settled, or was replaced by a fallback.
+    /// True if a solve failed, was replaced by a fallback, did not settle on bodies, or is left unsolved between guides.
+    /// One that merely did not settle between guides is none of these.
     pub(super) fn failed(&self) -> bool {
-        let strands = self.strands.unsettled + self.strands.uncoupled + self.strands.truncated;
+        let strands = self.strands.unsolved + self.strands.uncoupled + self.strands.truncated;
         self.crosses() || self.truncated + self.unconverged + self.unsettled + strands > 0
     }
 
@@ -107,6 +110,7 @@ impl StepRecord {
                 rounds: a.rounds.max(b.rounds),
                 residual: a.residual.max(b.residual),
                 unsettled: a.unsettled + b.unsettled,
+                unsolved: a.unsolved + b.unsolved,
                 uncoupled: a.uncoupled + b.uncoupled,
                 truncated: a.truncated + b.truncated,
                 crossings: a.crossings + b.crossings,

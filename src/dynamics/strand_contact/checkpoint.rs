@@ -24,7 +24,8 @@ impl Checkpoint for StrandContacts {
             self;
         let ContactPairs {
             bundles: _,
-            near_root: _,
+            root_share: _,
+            roots: _,
             half_turns: _,
             drawn: _,
             guide: _,

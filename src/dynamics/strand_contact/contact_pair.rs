@@ -13,6 +13,10 @@ const TOLERATED_SHARE: f64 = 5e-3;
 /// square of its motion; what it leaves is regained in the sub-steps that follow.
 const UNRESOLVED_SHARE: f64 = 0.05;
 
+/// Share of the required distance, or of that of the law where more of it is being lost, below which a contact is not
+/// kept at all.
+const LOST_SHARE: f64 = 0.5;
+
 /// Share of the required distance at which a contact prevents a crossing beside it.
 const PREVENTING_SHARE: f64 = 0.5;
 
@@ -75,6 +79,12 @@ impl ContactPair {
     /// True if another round is to keep the required distance.
     pub fn needs_round(&self) -> bool {
         self.contact.distance < (1.0 - UNRESOLVED_SHARE) * self.required
+    }
+
+    /// True if too little of its distance is left to take the next sub-step from there.
+    pub fn is_lost(&self) -> bool {
+        let is_below = |distance: f64| self.contact.distance < LOST_SHARE * distance;
+        is_below(self.required) || self.needs_round() && is_below(self.lawful)
     }
 
     /// True if segments that cross beside the contact pass it by.

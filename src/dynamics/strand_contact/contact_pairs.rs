@@ -15,12 +15,16 @@ use std::ops::Range;
 /// again, m. At most [`REACH`], so that two guides that both move by it find each other.
 pub(super) const MARGIN: f64 = REACH;
 
-/// Arc length from the root within which guides have no contact with each other, m: there they stand as drawn, and
-/// pushing them apart by a hair's width would fling their tips.
+/// Arc length from the root, m, over which the distance that two guides keep there grows from nothing to that of the
+/// law: roots stand where they are drawn, and pushing hair apart next to them would fling its tips.
 const ROOT_LENGTH: f64 = 0.01;
 
-/// Least required distance, m, however close the guides were drawn: a guard against crossing by rounding.
+/// Least limit of the required distance, m, however close the guides were drawn: a guard against crossing by rounding.
+/// Next to roots less is required.
 const MIN_REQUIRED: f64 = 1e-4;
+
+/// Distance of two roots, m, below which they grow from one place, next to which they cannot be kept apart.
+const ONE_PLACE: f64 = 1e-4;
 
 /// Time in which missing distance falls to 1/e, s. Shorter, it pushes hair apart at a speed that is seen;
 /// longer, locks that were pressed together stay thin.
@@ -74,8 +78,11 @@ pub(super) struct Impact {
 pub(super) struct ContactPairs {
     /// Bundle of each guide.
     pub bundles: Vec<BundleProperties>,
-    /// Whether each point is within [`ROOT_LENGTH`] of a root that is held.
-    pub near_root: Vec<bool>,
+    /// Arc length of each point from the root over [`ROOT_LENGTH`], at most 1: the share of the distance of the law that
+    /// is kept there; 1 if nothing holds the root.
+    pub root_share: Vec<f64>,
+    /// Root of each guide in the groom's pose, m.
+    pub roots: Vec<Vector3<f64>>,
     /// Arc length of each point from the root, over that within which its guide does not meet itself.
     pub half_turns: Vec<f64>,
     /// Points in the groom's pose, m, each guide relative to its root.
@@ -113,7 +120,8 @@ impl ContactPairs {
             with_midpoints(s).into_iter().map(move |s| s / half_turn)
         };
         ContactPairs {
-            near_root: arc.iter().flat_map(with_midpoints).map(|s| s < ROOT_LENGTH).collect(),
+            root_share: arc.iter().flat_map(with_midpoints).map(|s| (s / ROOT_LENGTH).min(1.0)).collect(),
+            roots: Vec::new(),
             half_turns: arc.iter().zip(&bundles).flat_map(half_turns).collect(),
             drawn: Vec::new(),
             bundles,
@@ -186,7 +194,7 @@ impl ContactPairs {
     /// Makes the root of guide `g` one that nothing holds: contact finds it as any other place.
     pub fn free_root(&mut self, g: usize) {
         let points = self.points_of(g);
-        self.near_root[points].fill(false);
+        self.root_share[points].fill(1.0);
     }
 
     /// Sets the end of guide `g` to its start.
@@ -274,9 +282,7 @@ impl ContactPairs {
             hair_radius + bundle_radius + 0.5 * (REACH + MARGIN)
         };
         let candidate = |pair: SegmentPair| {
-            let [a, b] = pairs.guides_of(pair);
-            let near_roots = a != b && [pair.0, pair.1].iter().all(|&k| pairs.near_root[k as usize]);
-            let closest = (!near_roots).then(|| strands.closest_pair(pair))?;
+            let closest = (!pairs.grow_from_one_place(pair)).then(|| strands.closest_pair(pair))?;
             let required = pairs.required_distance(pair);
             let is_near = strands.distance_lower_bound(&closest) < required + REACH + MARGIN;
             is_near.then_some(Candidate { closest, required })
@@ -342,9 +348,26 @@ impl ContactPairs {
         self.candidates.par_iter().filter_map(impact).collect()
     }
 
-    /// Distance of two segments required by the contact law, m.
+    /// Largest distance that the contact law requires of two segments, m.
     fn required_distance(&self, pair: SegmentPair) -> f64 {
-        self.bundle_pair(pair).required_distance()
+        self.bundle_pair(pair).required_distance() * self.share_at_roots(pair, [1.0, 1.0])
+    }
+
+    /// The share of the distance of the law that two segments keep at the fractions `u` of them: less than 1 where both
+    /// are near their roots.
+    fn share_at_roots(&self, pair: SegmentPair, u: [f64; 2]) -> f64 {
+        let [a, b] = self.guides_of(pair);
+        let at = |k: u32, u: f64| {
+            let k = k as usize;
+            self.root_share[k] + (self.root_share[k + 1] - self.root_share[k]) * u
+        };
+        if a == b { 1.0 } else { at(pair.0, u[0]).max(at(pair.1, u[1])) }
+    }
+
+    /// Whether two segments are near roots that grow from one place, where they cannot be kept apart.
+    fn grow_from_one_place(&self, pair: SegmentPair) -> bool {
+        let [a, b] = self.guides_of(pair);
+        self.share_at_roots(pair, [0.0, 0.0]) < 1.0 && (self.roots[a] - self.roots[b]).norm() < ONE_PLACE
     }
 
     fn bundle_pair(&self, pair: SegmentPair) -> BundlePair {
@@ -363,7 +386,8 @@ impl ContactPairs {
         let known = self.find_history(&contact);
         let limit = known.map_or(before, |k| k.limit.max(before));
         let bundles = self.bundle_pair(contact.pair);
-        let lawful = bundles.required_distance().min(limit.max(MIN_REQUIRED)).min(self.drawn(contact.pair));
+        let law = bundles.required_distance() * self.share_at_roots(contact.pair, contact.u);
+        let lawful = law.min(limit.max(MIN_REQUIRED)).min(self.drawn(contact.pair));
         let missing = (lawful - before).max(0.0);
         let recovered = missing * -(-self.duration / RECOVERY_TIME).exp_m1();
         ContactPair {

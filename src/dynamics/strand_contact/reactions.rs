@@ -51,13 +51,15 @@ struct System {
 }
 
 impl Reactions {
-    /// Solves for the reactions of all contacts of an island, with the linearised systems of its guides.
+    /// Solves for the reactions of all contacts of an island, with the linearised systems of its guides; those of the
+    /// `last` round are no longer on the way.
     pub fn solve(
         island: &Island,
         models: &[GuideModel],
         guides: &[CoupledGuide],
         pairs: &ContactPairs,
         to_world: &UnitQuaternion<f64>,
+        last: bool,
     ) -> Self {
         let mut system = System::default();
         let strands = system.add_guides(island, models, guides, pairs);
@@ -71,7 +73,7 @@ impl Reactions {
         let is_on_the_way = |guide: &CoupledGuide| {
             guide.rounds == 0 || large && guide.displacement > PROVISIONAL_DISPLACEMENT
         };
-        let provisional = island.guides.iter().any(|&g| is_on_the_way(&guides[g]));
+        let provisional = !last && island.guides.iter().any(|&g| is_on_the_way(&guides[g]));
         let tolerance = if provisional { PROVISIONAL } else { FINAL };
         let outcome =
             solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut FrictionScratch::default());

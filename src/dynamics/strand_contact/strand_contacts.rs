@@ -94,6 +94,7 @@ impl StrandContacts {
         }
         self.pairs.rebuild(&arc, bundles);
         self.active.iter().filter(|g| models[**g].rod.is_free()).for_each(|g| self.pairs.free_root(*g));
+        self.pairs.roots = models.iter().map(|model| model.rod.root.p).collect();
         self.pairs.drawn = drawn_curves(models, &self.active);
         self.pairs.x[0] = head_frame_curves(models, states, &self.active, env, t);
     }
@@ -122,13 +123,13 @@ impl StrandContacts {
         for ((guide, record), given) in self.guides.iter_mut().zip(&*records).zip(&self.given) {
             guide.begin(record.unconverged == 0 && given.is_none());
         }
-        for _ in 0..MAX_ROUNDS {
+        for round in 1..=MAX_ROUNDS {
             let mut islands = self.couple_islands(models, states, env, t);
             islands.retain(|island| island.guides.iter().any(|&g| self.guides[g].needs_round));
             if islands.is_empty() {
                 break;
             }
-            self.solve(models, states, env, &islands, &to_world);
+            self.solve(models, states, env, &islands, &to_world, round == MAX_ROUNDS);
             self.advance(models, states, env, &islands, &head);
             self.detect(&islands);
             if may_divide {
@@ -199,8 +200,8 @@ impl StrandContacts {
         islands
     }
 
-    /// Linearises the guides of the islands, solves for the reactions of all their contacts, and adds their
-    /// effect to the solvers' directions.
+    /// Linearises the guides of the islands, solves for the reactions of all their contacts, and adds their effect to the
+    /// solvers' directions. No round after the `last` one corrects what it leaves.
     fn solve(
         &mut self,
         models: &[GuideModel],
@@ -208,13 +209,14 @@ impl StrandContacts {
         env: &Environment,
         islands: &[Island],
         to_world: &UnitQuaternion<f64>,
+        last: bool,
     ) {
         let StrandContacts { guides, pairs, .. } = self;
         island_guides(guides, models, states, islands)
             .for_each(|(guide, model, state)| guide.linearise(model, state, env, pairs, to_world));
         let reactions: Vec<_> = islands
             .par_iter()
-            .map(|island| Reactions::solve(island, models, guides, pairs, to_world))
+            .map(|island| Reactions::solve(island, models, guides, pairs, to_world, last))
             .collect();
         for (island, Reactions { pushes, forces, outcome, provisional }) in islands.iter().zip(&reactions) {
             let (mut pushes, mut forces) = (&pushes[..], &forces[..]);
@@ -359,9 +361,14 @@ impl StrandContacts {
         env: &Environment,
         records: &mut [StepRecord],
     ) {
-        let guides = self.guides.iter_mut().zip(models).zip(states).zip(&mut *records);
-        for (((guide, model), state), record) in guides {
-            guide.record(model, state, env, record);
+        let mut loses_contact = vec![false; self.guides.len()];
+        for pair in self.pairs.contacts.iter().filter(|pair| pair.is_lost()) {
+            let [a, b] = self.pairs.guides(&pair.contact);
+            (loses_contact[a], loses_contact[b]) = (true, true);
+        }
+        let guides = self.guides.iter_mut().zip(models).zip(states).zip(loses_contact).zip(&mut *records);
+        for ((((guide, model), state), loses_contact), record) in guides {
+            guide.record(model, state, env, loses_contact, record);
         }
         // What a free guide has with one whose motion is given is its own.
         let owner = |[a, b]: [usize; 2]| if self.given[a].is_none() { a } else { b };

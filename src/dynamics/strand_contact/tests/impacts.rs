@@ -156,3 +156,20 @@ fn strands_that_turn_past_each_other_in_long_substeps_keep_apart() {
         assert!(turn < 1.0 || is_told, "{missing} recorded, {least} kept");
     }
 }
+
+#[test]
+fn a_hair_that_is_drawn_against_another_next_to_their_roots_does_not_pass_it() {
+    // Across a stiff one, 6 mm from both roots.
+    let root = V::new(0.002, 0.006, -0.006);
+    let [stiff, soft] = [strand(V::zeros(), V::y() * 0.1, 100.0), strand(root, root + V::z() * 0.2, 1.0)];
+    let mut scene = Scene::new(vec![stiff, soft]);
+    scene.field = &|_| V::x() * -30.0;
+    let mut crossings = 0;
+    let end = scene.run(0.5, |_, m| crossings += m.crossings());
+    assert_eq!((crossings, end.fallbacks(), end.active()), (0, 0, 1));
+    // Hair that grows from one place cannot be kept apart there, and is not torn apart.
+    let mut scene =
+        Scene::new(vec![strand(V::zeros(), V::y() * 0.1, 1.0), strand(V::zeros(), V::x() * 0.1, 1.0)]);
+    scene.field = &|_| V::zeros();
+    assert!(scene.run(0.2, |_, _| ()).fastest() < 1e-9);
+}
