@@ -13,9 +13,9 @@ const TOLERATED_SHARE: f64 = 5e-3;
 /// square of its motion; what it leaves is regained in the sub-steps that follow.
 const UNRESOLVED_SHARE: f64 = 0.05;
 
-/// Share of the required distance, or of that of the law where more of it is being lost, below which a contact is not
-/// kept at all.
-const LOST_SHARE: f64 = 0.5;
+/// Shares of the required distance, and where some of that is missing of that of the law, below which a contact is lost.
+/// The second bounds what many sub-steps may take together; much of it may be missing where hair was pressed together.
+const LOST_SHARES: [f64; 2] = [0.5, 0.1];
 
 /// Share of the required distance at which a contact prevents a crossing beside it.
 const PREVENTING_SHARE: f64 = 0.5;
@@ -83,8 +83,9 @@ impl ContactPair {
 
     /// True if too little of its distance is left to take the next sub-step from there.
     pub fn is_lost(&self) -> bool {
-        let is_below = |distance: f64| self.contact.distance < LOST_SHARE * distance;
-        is_below(self.required) || self.needs_round() && is_below(self.lawful)
+        let [required, lawful] = LOST_SHARES;
+        let distance = self.contact.distance;
+        distance < required * self.required || self.needs_round() && distance < lawful * self.lawful
     }
 
     /// True if segments that cross beside the contact pass it by.
