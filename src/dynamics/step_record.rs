@@ -44,7 +44,7 @@ pub struct StrandRecord {
     pub residual: f64,
     /// 1 if the coupled solve was accepted before it converged.
     pub unsettled: u32,
-    /// 1 if moreover it was given up, still moved by much, loses a contact or violates a body: others are next to rest.
+    /// 1 if moreover it still moved by much, loses a contact or violates a body; others are next to rest.
     pub unsolved: u32,
     /// 1 if the coupled solve was rejected and the guide kept its uncoupled motion.
     pub uncoupled: u32,

@@ -353,7 +353,7 @@ impl CoupledGuide {
         let unsettled = self.is_coupled && fails && self.end_state == EndState::Coupled;
         record.strands.unsettled = u32::from(unsettled);
         let moves = self.displacement > UNSOLVED_DISPLACEMENT;
-        let unsolved = self.given_up || moves || loses_contact || self.violates_bodies();
+        let unsolved = moves || loses_contact || self.violates_bodies();
         record.strands.unsolved = u32::from(unsettled && unsolved);
         record.strands.uncoupled = u32::from(self.end_state == EndState::Uncoupled);
         record.strands.truncated = u32::from(self.motion_share < 1.0);

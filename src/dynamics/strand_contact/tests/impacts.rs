@@ -167,9 +167,19 @@ fn a_hair_that_is_drawn_against_another_next_to_their_roots_does_not_pass_it() {
     let mut crossings = 0;
     let end = scene.run(0.5, |_, m| crossings += m.crossings());
     assert_eq!((crossings, end.fallbacks(), end.active()), (0, 0, 1));
-    // Hair that grows from one place cannot be kept apart there, and is not torn apart.
-    let mut scene =
-        Scene::new(vec![strand(V::zeros(), V::y() * 0.1, 1.0), strand(V::zeros(), V::x() * 0.1, 1.0)]);
+    // There, 6 to 7 mm from a root, they keep that share of the distance of the law.
+    let law = 2.0 * (BUNDLE.bundle_radius + BUNDLE.hair_radius);
+    let pair = end.strand_contacts.pairs.contacts.iter().find(|p| p.is_active()).unwrap();
+    assert!((0.6..0.7).contains(&(pair.lawful / law)) && pair.is_kept(), "{} of {law}", pair.lawful);
+}
+
+#[test]
+fn hair_that_grows_from_one_place_is_not_torn_apart_there() {
+    // They cross 5 mm from there, nearer than a hair's thickness.
+    let root = V::new(5e-5, 0.0, 2e-5);
+    let [one, other] = [(V::zeros(), V::y()), (root, V::new(-0.01, 1.0, 0.0))]
+        .map(|(root, along)| strand(root, root + along * 0.1, 1.0));
+    let mut scene = Scene::new(vec![one, other]);
     scene.field = &|_| V::zeros();
     assert!(scene.run(0.2, |_, _| ()).fastest() < 1e-9);
 }
