@@ -9,7 +9,7 @@ use crate::contact::{Bodies, Body};
 use crate::dynamics::guide_frame::{CarrierAround, GuideFrame, MovingGuide, RateScratch, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
 use crate::geometry::Deformation;
-use crate::rod::{Rod, RodShape, Sensitivity};
+use crate::rod::{Rod, RodShape};
 use crate::scene::{Anim, Collider, Convention, Groom, RootBinding};
 use crate::strands::{
     AroundFrame, Carriers, Deflection, DeflectionAt, Depths, GuideDepths, GuideMotion, Interpolator, Jumps,
@@ -396,19 +396,17 @@ impl<'a> Output<'a> {
         let (moving, normals): (Vec<Vec<_>>, Vec<Vec<_>>) = motion
             .par_iter()
             .enumerate()
-            .map_init(Default::default, |(shape, sensitivity): &mut (RodShape, Sensitivity), (i, motion)| {
+            .map_init(RodShape::default, |shape, (i, motion)| {
                 let GuideMotion { rod, q, rate } = motion;
                 let start_pose = self.start_pose[i].map(|pose| RigidMotion::still(&pose));
                 let carrier = start_pose.as_ref().unwrap_or_else(|| carriers.guide(i));
                 shape.update(rod, &(carrier.rotation * rod.root.r), q);
-                sensitivity.update(rod, shape, q);
                 let (root, speed) = carrier.carry(&rod.root.p);
-                let motion = |k: usize| {
-                    let (v, spin) = sensitivity.velocity(k, &shape.x(k), rate);
+                let motion = |(k, (v, spin)): (usize, (Vector3<f64>, Vector3<f64>))| {
                     let v = speed + carrier.spin.cross(&shape.x(k)) + v;
                     (v, (carrier.spin + spin).cross(&shape.tangent(k)))
                 };
-                let moving: Vec<_> = (0..rod.points()).map(motion).collect();
+                let moving: Vec<_> = shape.velocities(rod, q, rate).enumerate().map(motion).collect();
                 let mut v = vec![moving[0].0];
                 for (m, s) in moving.windows(2).zip(rod.arc.windows(2)) {
                     // The velocity of the midpoint of the cubic through the two points.

@@ -3,7 +3,6 @@
 use super::guide::{GuideModel, GuideState};
 use super::reaction::GuideReaction;
 use crate::math::cholesky;
-use crate::math::se3::Pose;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -126,6 +125,9 @@ const NOTABLE: f64 = 1e-3;
 /// Distance of points beside a rod that tell how it twists, m: that of the strands that follow it.
 const BESIDE: f64 = 0.01;
 
+/// Most points of an element whose motion rates are fitted to: the strain is linear there, and more of them tell no more.
+const FITTED_POINTS: usize = 3;
+
 /// Damping of the change of the rates of the unknowns, as a share of the mean diagonal of the normal
 /// equations that the points give.
 const DAMPING: f64 = 1e-6;
@@ -134,9 +136,12 @@ const DAMPING: f64 = 1e-6;
 #[derive(Debug, Default)]
 pub struct RateScratch {
     shape: RodShape,
-    /// Poses of the points at the five times of the differences.
-    poses: [Vec<Pose>; 5],
+    /// The fitted points, each followed by the one beside it, at the five times of the differences, m, relative to the
+    /// root.
+    places: [Vec<Vector3<f64>>; 5],
     sensitivity: Sensitivity,
+    /// Velocity, m per frame, and angular velocity, rad per frame, of the points at the rates that are corrected.
+    velocities: Vec<(Vector3<f64>, Vector3<f64>)>,
     /// Normal equations of the fit: matrix, right-hand side, then solution, and a row of the Jacobian.
     normal: Vec<f64>,
     change: Vec<f64>,
@@ -208,7 +213,18 @@ fn turn(rod: &Rod, rate: &[f64]) -> f64 {
     joint.chunks(3).take(1).map(square).fold(0.0, f64::max).sqrt().max(of_strains)
 }
 
-/// Changes the rates of the unknowns of `rod`, per frame, to those that in the least squares move its points,
+/// Points of `rod` whose motion tells the rates of its unknowns, from root to tip, with the number of points that each
+/// stands for.
+fn fitted_points(rod: &Rod) -> impl Iterator<Item = (usize, f64)> + '_ {
+    let root = rod.is_free().then_some((0, 1.0));
+    root.into_iter().chain((1..rod.nodes.len()).flat_map(|node| {
+        let [from, to] = [rod.node_point(node - 1), rod.node_point(node)];
+        let most = FITTED_POINTS.min(to - from);
+        (1..=most).map(move |i| (from + (to - from) * i / most, (to - from) as f64 / most as f64))
+    }))
+}
+
+/// Changes the rates of the unknowns of `rod`, per frame, to those that in the least squares move points of it,
 /// and points beside them, as the differences of their positions tell. Within half a frame a rod may turn by
 /// radians while its points go there and back: the difference of the unknowns is then no velocity of theirs.
 /// False if the speed of a point is limited, or if there is no fit and the rates stay as they are.
@@ -220,31 +236,38 @@ fn fit(
     differences: &Differences,
     scratch: &mut RateScratch,
 ) -> bool {
-    let RateScratch { shape, poses, sensitivity, normal, change, row } = scratch;
+    let RateScratch { shape, places, sensitivity, velocities, normal, change, row } = scratch;
     // The frame last: its shape is used below.
     for i in [0, 1, 3, 4, 2] {
         shape.update(rod, &rod.root.r, &q[i]);
-        poses[i].clear();
-        poses[i].extend(shape.poses());
+        places[i].clear();
+        places[i].extend(fitted_points(rod).flat_map(|(k, _)| {
+            let x = shape.x(k);
+            [x, x + shape.normal(k) * BESIDE]
+        }));
     }
     let mut limited = 0.0_f64;
     sensitivity.update(rod, shape, &q[2]);
+    velocities.clear();
+    velocities.extend(shape.velocities(rod, &q[2], rate));
     let n = rate.len();
     for (of, numbers) in [(&mut *normal, n * n), (&mut *change, n), (&mut *row, n)] {
         of.clear();
         of.resize(numbers, 0.0);
     }
-    for k in usize::from(!rod.is_free())..rod.points() {
-        for aside in [0.0, BESIDE] {
-            let places = poses.each_ref().map(|poses| poses[k].p + poses[k].r.column(0) * aside);
+    for (i, (k, weight)) in fitted_points(rod).enumerate() {
+        for i in [2 * i, 2 * i + 1] {
+            let places = places.each_ref().map(|places| places[i]);
             let x = places[2];
             let (velocity, beyond) = velocity_in_head(&places.map(|x| rod.root.p + x), head, differences);
-            let missing = velocity - sensitivity.velocity(k, &x, rate).0;
+            let (v, spin) = velocities[k];
+            let missing = velocity - (v + spin.cross(&(x - shape.x(k))));
             limited = limited.max(beyond);
             for axis in 0..3 {
                 row.fill(0.0);
                 sensitivity.add_row(k, &x, &Vector3::ith(axis, 1.0), 1.0, row);
                 for (i, a) in row.iter().enumerate() {
+                    let a = a * weight;
                     change[i] += a * missing[axis];
                     normal[i * n..=i * n + i].iter_mut().zip(&*row).for_each(|(sum, b)| *sum += a * b);
                 }
@@ -311,10 +334,9 @@ mod tests {
 
     /// Positions of the points of a rod, and their velocities at rates of its unknowns.
     fn points(rod: &Rod, q: &[f64], rate: &[f64]) -> Vec<[Vector3<f64>; 2]> {
-        let (mut shape, mut sensitivity) = (RodShape::default(), Sensitivity::default());
+        let mut shape = RodShape::default();
         assert!(shape.update(rod, &rod.root.r, q));
-        sensitivity.update(rod, &shape, q);
-        (1..rod.points()).map(|k| [shape.x(k), sensitivity.velocity(k, &shape.x(k), rate).0]).collect()
+        shape.velocities(rod, q, rate).enumerate().skip(1).map(|(k, (v, _))| [shape.x(k), v]).collect()
     }
 
     /// `q` with a strain about an axis added that turns the tip by `turn`, rad.
@@ -379,17 +401,15 @@ mod tests {
             q[3..6].copy_from_slice((rod.root.r.transpose() * speed * (frame * INTERVAL)).as_slice());
             q
         };
-        let (mut shape, mut sensitivity) = (RodShape::default(), Sensitivity::default());
+        let mut shape = RodShape::default();
         for frame in 0..12 {
             let at = |u: f64| moving(&rod, |t| q(f64::from(frame) + u + t), false).0;
             let between = MovingGuide::between(&rod, &at(0.0), &at(1.0), 0.5, INTERVAL);
             for (found, u) in [(at(0.0), 0.0), (between, 0.5)] {
                 assert!(shape.update(&rod, &rod.root.r, &found.q));
-                sensitivity.update(&rod, &shape, &found.q);
                 let root = speed * ((f64::from(frame) + u) * INTERVAL);
                 assert!((shape.x(0) - root).norm() < 1e-3, "{frame} {u}: {} {root}", shape.x(0));
-                for k in 0..rod.points() {
-                    let (v, _) = sensitivity.velocity(k, &shape.x(k), &found.rate);
+                for (k, (v, _)) in shape.velocities(&rod, &found.q, &found.rate).enumerate() {
                     let wanted = speed + spin.cross(&(shape.x(k) - root));
                     assert!((v - wanted).norm() < 0.1 * wanted.norm(), "{frame} {u} {k}: {v} {wanted}");
                 }

@@ -4,7 +4,7 @@ use super::joint::{Joint, RootJoint};
 use super::model::Rod;
 use super::segment::{RodCore, Segment};
 use super::shape::{COMMUTATOR, RodShape, deviation};
-use crate::math::lanes::{M3, Real, Twist, V3};
+use crate::math::lanes::{M3, Pose, Real, Twist, V3};
 use crate::math::se3::{self, LeftJacobian};
 use nalgebra::Vector3;
 
@@ -123,6 +123,46 @@ impl<F: Real> Sensitivity<F> {
     }
 }
 
+impl RodShape {
+    /// Velocity, m/s, relative to what carries the root, and angular velocity, rad/s, of the frame at every point, world
+    /// axes, at rates `rate`, 1/(m·s), of the unknowns `q` of this shape; without rates, at rest.
+    pub fn velocities<'a>(
+        &'a self,
+        rod: &'a Rod,
+        q: &'a [f64],
+        rate: &'a [f64],
+    ) -> impl Iterator<Item = (Vector3<f64>, Vector3<f64>)> + 'a {
+        let core = &rod.core;
+        let rate_of = |i: usize| rate.get(3 * i..3 * i + 3).map_or(V3([0.0; 3]), |r| V3([r[0], r[1], r[2]]));
+        let mut t = Twist::none(0.0);
+        if core.joint != RootJoint::Clamped {
+            let (root, joint) = (&self.pose[0], Joint::new(q));
+            t.w = root.r * (joint.jacobian() * rate_of(0));
+            if core.joint == RootJoint::Free {
+                let axes = M3(joint.carried_axes(&root.r));
+                t.v = root.p.cross(t.w) + axes * rate_of(1);
+            }
+        }
+        let at = |t: &Twist<f64>, pose: &Pose<f64>| ((t.v + t.w.cross(pose.p)).into(), t.w.into());
+        let root = at(&t, &self.pose[0]);
+        let next = move |k: usize| {
+            let (segment, g) = (&core.segments[k], &self.pose[k]);
+            let mut change = Twist::none(0.0);
+            for (side, derivative) in exponent_derivatives(segment, q).iter().enumerate() {
+                let r = rate_of(segment.element + side);
+                change.w += r * derivative.s + derivative.u.cross(r);
+                change.v += V3([r.0[1], -r.0[0], 0.0]) * derivative.c;
+            }
+            let lj = se3::left_jacobian(&self.exponent[k].psi, &self.exponent[k].coefficients);
+            let w = g.r * (lj.j * change.w);
+            t.v += g.r * (lj.q * change.w + lj.j * change.v) + g.p.cross(w);
+            t.w += w;
+            at(&t, &self.pose[k + 1])
+        };
+        std::iter::once(root).chain((0..core.segments.len()).map(next))
+    }
+}
+
 impl Sensitivity {
     /// Sets the derivatives to those at unknowns `q` (1/m), whose shape is `shape`.
     pub fn update(&mut self, rod: &Rod, shape: &RodShape, q: &[f64]) {
@@ -154,16 +194,6 @@ impl Sensitivity {
         for (r, t) in row.iter_mut().zip(self.twists_at(k)) {
             *r += wrench.dot(t);
         }
-    }
-
-    /// Velocity, m/s, and angular velocity, rad/s, at rates `qdot` (1/(m·s)) of a place fixed to the frame at
-    /// point `k`, world axes, relative to the root. `x` is the place relative to the root, m.
-    pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
-        let mut t = Twist::none(0.0);
-        for (c, r) in self.twists_at(k).zip(qdot) {
-            t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
-        }
-        ((t.v + t.w.cross((*x).into())).into(), t.w.into())
     }
 }
 

@@ -65,6 +65,11 @@ impl RodShape {
         self.pose[k].r.0[2].into()
     }
 
+    /// Unit vector d1 at point `k`.
+    pub fn normal(&self, k: usize) -> Vector3<f64> {
+        self.pose[k].r.0[0].into()
+    }
+
     /// Frame at point `k`: columns d1, d2, d3.
     pub fn frame(&self, k: usize) -> Matrix3<f64> {
         self.pose[k].r.into()

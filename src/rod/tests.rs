@@ -293,12 +293,18 @@ fn rows_match_differences(rod: &Rod) {
     moved.update(rod, &rod.root.r, &by(1e-5));
     let mut behind = RodShape::default();
     behind.update(rod, &rod.root.r, &by(-1e-5));
-    for k in 0..rod.points() {
+    let velocities: Vec<_> = shape.velocities(rod, &q, &rate).collect();
+    for (k, (velocity, spin)) in velocities.iter().enumerate() {
         let mut row = vec![0.0; q.len()];
         sens.add_row(k, &shape.x(k), &d, 2.0, &mut row);
         let slope = (moved.x(k) - behind.x(k)) / 2e-5;
         let by_row: f64 = row.iter().zip(&rate).map(|(a, b)| a * b).sum();
         assert!((by_row - 2.0 * d.dot(&slope)).abs() < 1e-8, "{k}");
-        assert!((sens.velocity(k, &shape.x(k), &rate).0 - slope).norm() < 1e-8, "{k}");
+        assert!((velocity - slope).norm() < 1e-8, "{k}");
+        for axis in 0..3 {
+            let frames = [&moved, &behind].map(|shape| shape.frame(k).column(axis).into_owned());
+            let slope = (frames[0] - frames[1]) / 2e-5;
+            assert!((spin.cross(&shape.frame(k).column(axis)) - slope).norm() < 1e-7, "{k} {axis}");
+        }
     }
 }

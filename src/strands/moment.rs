@@ -1,6 +1,6 @@
 //! The inputs of an evaluation: guides and what carries the roots at one moment.
 
-use crate::rod::{Rod, RodShape, Sensitivity};
+use crate::rod::{Rod, RodShape};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// A guide at one moment.
@@ -84,12 +84,10 @@ impl RigidMotion {
 
     /// The motion of the free root of a guide that `carrier` takes from rest to the world.
     pub fn of_free_root(GuideMotion { rod, q, rate }: &GuideMotion, carrier: &Isometry3<f64>) -> Self {
-        let (carried, mut shape, mut sensitivity) =
-            (RigidMotion::still(carrier), RodShape::default(), Sensitivity::default());
+        let (carried, mut shape) = (RigidMotion::still(carrier), RodShape::default());
         shape.update(rod, &(carried.rotation * rod.root.r), q);
-        sensitivity.update(rod, &shape, q);
         let x = shape.x(0);
-        let (velocity, spin) = sensitivity.velocity(0, &x, rate);
+        let (velocity, spin) = shape.velocities(rod, q, rate).next().unwrap_or_default();
         let rotation = shape.frame(0) * rod.root.r.transpose();
         let arm = rotation * rod.root.p;
         let translation = carried.carry(&rod.root.p).0 + x - arm;

@@ -6,7 +6,7 @@ use super::moment::{Carriers, GuideMotion};
 use super::moving_rotation::MovingRotation;
 use super::rest_guide::{Counterpart, RestGuide};
 use crate::math::lanes::V3;
-use crate::rod::{Rod, RodShape, Sensitivity};
+use crate::rod::{Rod, RodShape};
 use nalgebra::Vector3;
 use std::borrow::Cow;
 
@@ -40,7 +40,7 @@ impl PosedGuide {
     /// Poses guide `i` of those on `carriers`. `clear`, if given, is the lower bound on the distance from all
     /// bodies for the position of a point.
     pub fn new(
-        (shape, sensitivity): &mut (RodShape, Sensitivity),
+        shape: &mut RodShape,
         rest: &RestGuide,
         (carriers, i): (&Carriers, usize),
         motion: &GuideMotion,
@@ -56,14 +56,13 @@ impl PosedGuide {
         };
         let [q, rate] = [q, rate].map(|of| beyond_root(rod, of));
         shape.update(rod, &turn, &q);
-        sensitivity.update(rod, shape, &q);
         let (root, _) = carrier.carry(&rod.root.p);
         let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
         let mut rotations: Vec<MovingRotation<f64>> = Vec::with_capacity(x.len());
         // Velocities relative to the root.
         let mut v = Vec::with_capacity(x.len());
-        for (k, rotation) in rest.rotations(shape.poses()).enumerate() {
-            let (velocity, own) = sensitivity.velocity(k, &shape.x(k), &rate);
+        let velocities = shape.velocities(rod, &q, &rate);
+        for (k, (rotation, (velocity, own))) in rest.rotations(shape.poses()).zip(velocities).enumerate() {
             let rotation = MovingRotation::new(&rotation, &(spin + own));
             rotations.push(rotations.last().map_or(rotation, |last| rotation.with_sign_of(last)));
             v.push(velocity + spin.cross(&shape.x(k)));
