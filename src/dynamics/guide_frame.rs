@@ -125,7 +125,8 @@ const NOTABLE: f64 = 1e-3;
 /// Distance of points beside a rod that tell how it twists, m: that of the strands that follow it.
 const BESIDE: f64 = 0.01;
 
-/// Most points of an element whose motion rates are fitted to: the strain is linear there, and more of them tell no more.
+/// Most points of an element whose motion rates are fitted to. The strain is linear there, and more of them hardly tell
+/// more.
 const FITTED_POINTS: usize = 3;
 
 /// Damping of the change of the rates of the unknowns, as a share of the mean diagonal of the normal
@@ -213,8 +214,8 @@ fn turn(rod: &Rod, rate: &[f64]) -> f64 {
     joint.chunks(3).take(1).map(square).fold(0.0, f64::max).sqrt().max(of_strains)
 }
 
-/// Points of `rod` whose motion tells the rates of its unknowns, from root to tip, with the number of points that each
-/// stands for.
+/// Points of `rod` whose motion tells the rates of its unknowns, from root to tip, with their weights: those of an
+/// element share its points equally.
 fn fitted_points(rod: &Rod) -> impl Iterator<Item = (usize, f64)> + '_ {
     let root = rod.is_free().then_some((0, 1.0));
     root.into_iter().chain((1..rod.nodes.len()).flat_map(|node| {
@@ -255,9 +256,9 @@ fn fit(
         of.clear();
         of.resize(numbers, 0.0);
     }
-    for (i, (k, weight)) in fitted_points(rod).enumerate() {
-        for i in [2 * i, 2 * i + 1] {
-            let places = places.each_ref().map(|places| places[i]);
+    for (fitted, (k, weight)) in fitted_points(rod).enumerate() {
+        for place in [2 * fitted, 2 * fitted + 1] {
+            let places = places.each_ref().map(|places| places[place]);
             let x = places[2];
             let (velocity, beyond) = velocity_in_head(&places.map(|x| rod.root.p + x), head, differences);
             let (v, spin) = velocities[k];

@@ -124,8 +124,8 @@ impl<F: Real> Sensitivity<F> {
 }
 
 impl RodShape {
-    /// Velocity, m/s, relative to what carries the root, and angular velocity, rad/s, of the frame at every point, world
-    /// axes, at rates `rate`, 1/(m·s), of the unknowns `q` of this shape; without rates, at rest.
+    /// Velocity, m/s, relative to what carries the root, and angular velocity, rad/s, of the frame at every point,
+    /// world axes, at rates `rate`, 1/(m·s), of the unknowns `q` of this shape; without rates, at rest.
     pub fn velocities<'a>(
         &'a self,
         rod: &'a Rod,

@@ -60,7 +60,7 @@ pub(super) struct CoupledGuide {
     pub converged: bool,
     /// True if it takes part in the coupled solve.
     pub is_coupled: bool,
-    /// True if its island has been given up: it takes part in no further round.
+    /// True if it takes part in no further round, for it is to take the sub-step in parts.
     pub given_up: bool,
     /// True if it needs another round.
     pub needs_round: bool,

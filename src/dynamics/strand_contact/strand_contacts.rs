@@ -290,12 +290,15 @@ impl StrandContacts {
         }
     }
 
-    /// Gives up the islands in which a guide does not come to rest, unless that is no reason to divide.
+    /// Gives up guides of `islands` that do not come to rest, unless that is no reason to divide, with all that takes
+    /// parts with them then. The others go on.
     fn give_up(&mut self, states: &[GuideState], islands: &[Island]) {
-        for island in islands {
-            if island.guides.iter().any(|&g| !states[g].stuck && self.guides[g].is_hopeless()) {
-                island.guides.iter().for_each(|&g| self.guides[g].given_up = true);
-            }
+        let all = islands.iter().flat_map(|island| island.guides.iter().copied());
+        let hopeless: Vec<usize> =
+            all.filter(|&g| !states[g].stuck && self.guides[g].is_hopeless()).collect();
+        if !hopeless.is_empty() {
+            let group = self.links().group(hopeless);
+            group.into_iter().for_each(|g| self.guides[g].given_up = true);
         }
     }
 

@@ -167,7 +167,7 @@ fn a_hair_that_is_drawn_against_another_next_to_their_roots_does_not_pass_it() {
     let mut crossings = 0;
     let end = scene.run(0.5, |_, m| crossings += m.crossings());
     assert_eq!((crossings, end.fallbacks(), end.active()), (0, 0, 1));
-    // There, 6 to 7 mm from a root, they keep that share of the distance of the law.
+    // There, 6 to 7 mm from a root, they keep that share of a centimetre of the distance of the law.
     let law = 2.0 * (BUNDLE.bundle_radius + BUNDLE.hair_radius);
     let pair = end.strand_contacts.pairs.contacts.iter().find(|p| p.is_active()).unwrap();
     assert!((0.6..0.7).contains(&(pair.lawful / law)) && pair.is_kept(), "{} of {law}", pair.lawful);
