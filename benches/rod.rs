@@ -179,7 +179,7 @@ fn cantilevers() {
 /// Cost of a rod step against the number of nodes, at 192 steps per second.
 fn nodes() {
     let mut last: Option<(f64, f64)> = None;
-    for nodes in [4, 8, 16, 32, 64] {
+    for nodes in [4, 8, 16, 32, 64, 128, 256] {
         // About 5 s of CPU time for 64 nodes, 0.5 s for 8: the CPU clock has a resolution of 0.01 s.
         let mut scene = Scene::shaken(hairs(nodes, 256), Scheme::default(), 192.0);
         let cost = scene.run(96);

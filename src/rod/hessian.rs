@@ -120,9 +120,9 @@ impl<F: Real> Response<F> {
 }
 
 /// Contribution of the segments of one element to the Hessian.
-struct ElementBlock<F> {
+pub(super) struct ElementBlock<F> {
     /// Response to the element's six unknowns, summed over its segments: all that upstream unknowns need.
-    response: [Twist<F>; 6],
+    pub response: [Twist<F>; 6],
     /// Response of the current segment.
     own: [Twist<F>; 6],
     /// Entry (b, a) of the element's own block is `half[a][b] + half[b][a]`.
@@ -140,6 +140,12 @@ impl<F: Real> ElementBlock<F> {
     fn clear(&mut self, zero: F) {
         self.response.fill(Twist::none(zero));
         self.half.fill([zero; 6]);
+    }
+
+    /// Entry (a, b) of the element's own block.
+    #[inline(always)]
+    pub fn entry(&self, a: usize, b: usize) -> F {
+        self.half[a][b] + self.half[b][a]
     }
 
     /// Adds a segment as if it were rigid. Its first `N` unknowns give the twists `own` through it and
@@ -199,6 +205,46 @@ impl<F: Real> ElementBlock<F> {
     }
 }
 
+/// What takes the Hessian as the sweep from tip to root finds it.
+pub(super) trait Assembly<F> {
+    /// Takes the block of an element whose first unknown is `first`, with `live` unknowns of its own.
+    fn add_element(&mut self, first: usize, live: usize, block: &ElementBlock<F>);
+
+    /// Takes the lower triangle of the block of a joint with `unknowns` unknowns.
+    fn add_joint(&mut self, unknowns: usize, block: &[[F; 6]; 6]);
+}
+
+/// The whole lower triangle, row-major n × n, N·m³.
+struct Dense<'a, F> {
+    n: usize,
+    total: &'a [Twist<F>],
+    hessian: &'a mut [F],
+}
+
+impl<F: Real> Assembly<F> for Dense<'_, F> {
+    #[inline(always)]
+    fn add_element(&mut self, first: usize, live: usize, block: &ElementBlock<F>) {
+        for a in 0..live {
+            let row = &mut self.hessian[(first + a) * self.n..];
+            for b in 0..=a {
+                row[first + b] += block.entry(a, b);
+            }
+            for (h, s) in row.iter_mut().zip(&self.total[..first]) {
+                *h += s.dot(&block.response[a]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_joint(&mut self, unknowns: usize, block: &[[F; 6]; 6]) {
+        for (a, entries) in block.iter().enumerate().take(unknowns) {
+            for (h, entry) in self.hessian[a * self.n..].iter_mut().zip(&entries[..=a]) {
+                *h += *entry;
+            }
+        }
+    }
+}
+
 /// Sets the lower triangle of `hessian` (row-major n × n, N·m³) to that of Φ. `wrench` is from
 /// [`gradient`](super::potential::gradient), `q` are the unknowns. `geometric` scales the geometric stiffness: 1
 /// gives the Hessian, 0 a positive definite approximation.
@@ -214,8 +260,25 @@ pub(super) fn hessian<F: Real>(
     geometric: F,
     hessian: &mut Vec<F>,
 ) {
+    set_elastic(core, load, geometric.same(0.0), hessian);
+    let mut dense = Dense { n: core.unknowns(), total: &sensitivity.total, hessian };
+    sweep(core, load, shape, sensitivity, wrench, q, geometric, &mut dense);
+}
+
+/// Finds the Hessian of Φ without the elastic and viscous part, and the springs on the unknowns.
+#[allow(clippy::too_many_arguments)] // As `hessian`.
+#[inline(always)]
+pub(super) fn sweep<F: Real>(
+    core: &RodCore<F>,
+    load: &Load<F>,
+    shape: &RodShape<F>,
+    sensitivity: &Sensitivity<F>,
+    wrench: &[Twist<F>],
+    q: &[F],
+    geometric: F,
+    assembly: &mut impl Assembly<F>,
+) {
     let (n, zero) = (core.unknowns(), geometric.same(0.0));
-    set_elastic(core, load, zero, hessian);
     let mut downstream = Composite::new(zero);
     let mut block = ElementBlock::new(zero);
     let moving = core.first_moving();
@@ -235,15 +298,7 @@ pub(super) fn hessian<F: Real>(
             3
         };
         if k == 0 || core.segments[k - 1].element != segment.element {
-            for a in 0..live {
-                let row = &mut hessian[(first + a) * n..];
-                for b in 0..=a {
-                    row[first + b] += block.half[a][b] + block.half[b][a];
-                }
-                for (h, s) in row.iter_mut().zip(&sensitivity.total[..first]) {
-                    *h += s.dot(&block.response[a]);
-                }
-            }
+            assembly.add_element(first, live, &block);
             block.clear(zero);
         }
     }
@@ -258,25 +313,26 @@ pub(super) fn hessian<F: Real>(
         let turning = joint.stiffness(root.r.transposed(torque)) * geometric;
         let twists = &sensitivity.total[..3];
         let responses = [response.to(&twists[0]), response.to(&twists[1]), response.to(&twists[2])];
-        for a in 0..3 {
-            for b in 0..=a {
+        let mut block = [[zero; 6]; 6];
+        for (a, row) in block.iter_mut().enumerate().take(3) {
+            for (b, entry) in row.iter_mut().enumerate().take(a + 1) {
                 let rigid = twists[a].dot(&responses[b]) + twists[b].dot(&responses[a]);
-                hessian[a * n + b] += rigid * zero.same(0.5) - turning.0[b].0[a];
+                *entry = rigid * zero.same(0.5) - turning.0[b].0[a];
             }
         }
         if core.joint == RootJoint::Free {
             // A displacement is upstream of a rotation.
             for (a, moves) in sensitivity.total[3..6].iter().enumerate() {
-                let row = &mut hessian[(3 + a) * n..];
-                for (h, turned) in row.iter_mut().zip(&responses) {
-                    *h += moves.dot(turned);
+                for (b, turned) in responses.iter().enumerate() {
+                    block[3 + a][b] = moves.dot(turned);
                 }
                 let moved = response.to(moves);
-                for (h, other) in row[3..4 + a].iter_mut().zip(&sensitivity.total[3..6]) {
-                    *h += other.dot(&moved);
+                for (b, other) in sensitivity.total[3..4 + a].iter().enumerate() {
+                    block[3 + a][3 + b] = other.dot(&moved);
                 }
             }
         }
+        assembly.add_joint(3 * core.joint.blocks(), &block);
     }
 }
 

@@ -24,6 +24,7 @@
 //! | `lumped` | [`LumpedSensitivity`]: approximate ones, and matrices of linear models |
 //! | [`potential`], `hessian` | incremental potential Φ of one implicit step; its minimum is the new state |
 //! | [`newton`] | [`Solver`](newton::Solver): minimises Φ |
+//! | `block_factor` | factor of the Hessian of a long rod in O(n) |
 //! | [`contact_load`] | linearisation of Φ under contact forces |
 //! | `joint` | [`RootJoint`]: rotation and displacement of a root that is not clamped |
 //! | `held_frame` | material frames at places of a rod that are held |
@@ -31,6 +32,7 @@
 //! | [`Fit`] | unknowns at which a rod passes near given points |
 //! | [`pack`] | several rods at once, one per SIMD lane |
 
+mod block_factor;
 pub mod contact_load;
 mod drawn;
 mod fit;

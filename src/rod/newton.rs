@@ -1,11 +1,12 @@
 //! Newton's method on the incremental potential, and the linearisations that contact builds on
 //! (`docs/theory.md` §4.5).
 
+use super::block_factor::BlockFactor;
 use super::hessian::hessian;
 use super::joint::RootJoint;
 use super::model::Rod;
 use super::potential::{Load, energy, gradient};
-use super::secants::Secants;
+use super::secants::{Factor, Secants};
 use super::segment::RodCore;
 use super::sensitivity::Sensitivity;
 use super::shape::RodShape;
@@ -45,6 +46,10 @@ const MAX_SHORTENINGS: u32 = 200;
 /// Fraction of the direction below which the line search gives up.
 const MIN_FRACTION: f64 = 1e-6;
 
+/// Unknowns of a rod from which on a solve factors the Hessian in blocks, in O(n), and not as a dense matrix: 8 nodes
+/// take 1.06 of the time in blocks, 16 nodes 0.88.
+const LONG: usize = 30;
+
 /// Outcome of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct NewtonOutcome {
@@ -64,10 +69,12 @@ pub struct Solver<F = f64> {
     pub sensitivity: Sensitivity<F>,
     /// −gradient of Φ at the last linearisation, then the direction of the step.
     pub direction: Vec<F>,
-    /// Cholesky factor of the Hessian at the last factorisation ([`cholesky::factor`]).
+    /// Cholesky factor of the Hessian at the last linearisation ([`cholesky::factor`]).
     pub factor: Vec<F>,
     /// Buffer for the next factor.
     next_factor: Vec<F>,
+    /// The factor of a solve of a long rod, and a buffer for the next.
+    blocks: [BlockFactor<F>; 2],
     wrench: Vec<Twist<F>>,
     secants: Secants<F>,
     trial: Trial<F>,
@@ -107,6 +114,7 @@ impl<F> Default for Solver<F> {
             direction: Vec::new(),
             factor: Vec::new(),
             next_factor: Vec::new(),
+            blocks: Default::default(),
             wrench: Vec::new(),
             secants: Secants::default(),
             trial: Trial { shape: RodShape::default(), q: Vec::new() },
@@ -146,6 +154,7 @@ impl Solver {
         self.shape.update(rod, &rod.root.r, q);
         self.trial.shape.update(rod, &rod.root.r, q);
         energy(&rod.core, load, &self.shape, q, &mut self.scratch);
+        self.blocks.iter_mut().for_each(|blocks| blocks.resize(&rod.core));
         // The factor and the buffer for the next.
         (0..2).for_each(|_| _ = self.linearise(rod, load, q));
     }
@@ -247,8 +256,14 @@ impl<F: Real> Solver<F> {
             record(&mut outcomes, active, NewtonOutcome { iterations: iteration, converged: false });
             self.negative_gradient(core, load, q);
             self.secants.record(kept, &self.direction);
-            active &= kept | self.factorise(core, load, q, active & !kept);
-            let slope = self.secants.solve(&self.factor, &mut self.direction);
+            let needed = active & !kept;
+            let slope = if q.len() < LONG {
+                active &= kept | self.factorise(core, load, q, needed);
+                self.secants.solve(Factor::Dense(&self.factor), &mut self.direction)
+            } else {
+                active &= kept | self.factorise_blocks(core, load, q, needed);
+                self.secants.solve(Factor::Blocks(&self.blocks[0]), &mut self.direction)
+            };
             // The slope is zero for a rod at rest, which has converged.
             active &= slope.abs().below(slope.same(f64::MAX));
             if active != F::ALL {
@@ -369,6 +384,34 @@ impl<F: Real> Solver<F> {
             for (old, new) in self.factor.iter_mut().zip(&self.next_factor) {
                 *old = new.or(needed, *old);
             }
+        }
+        positive
+    }
+
+    /// [`Solver::factorise`] in blocks.
+    #[inline(always)]
+    fn factorise_blocks(&mut self, core: &RodCore<F>, load: &Load<F>, q: &[F], needed: Mask) -> Mask {
+        if needed == 0 {
+            return 0;
+        }
+        self.sensitivity.update_twists(core, &self.shape, q);
+        let one = load.inertia.same(1.0);
+        let mut geometric = one;
+        let [factor, next] = &mut self.blocks;
+        let positive = loop {
+            let (shape, wrench) = (&self.shape, &self.wrench);
+            let positive = needed & next.set(core, load, shape, &self.sensitivity, wrench, q, geometric);
+            let without = needed & geometric.below(one);
+            if positive | without == needed {
+                break positive;
+            }
+            geometric = geometric.or(positive, one.same(0.0));
+        };
+        factor.resize(core);
+        if needed == F::ALL {
+            std::mem::swap(factor, next);
+        } else {
+            factor.replace(needed, next);
         }
         positive
     }

@@ -3,8 +3,18 @@
 
 #![allow(clippy::needless_range_loop)] // Several arrays share one index.
 
+use super::block_factor::BlockFactor;
 use crate::math::cholesky;
 use crate::math::lanes::{Mask, Real};
+
+/// A factor of the Hessian.
+#[derive(Clone, Copy)]
+pub(super) enum Factor<'a, F> {
+    /// [`cholesky::factor`].
+    Dense(&'a [F]),
+    /// In blocks.
+    Blocks(&'a BlockFactor<F>),
+}
 
 /// A step and the change of the gradient over it.
 #[derive(Debug, Clone)]
@@ -93,7 +103,7 @@ impl<F: Real> Secants<F> {
 
     /// Turns `direction` from −gradient into the quasi-Newton direction; returns the slope of Φ along it, J.
     #[inline(always)]
-    pub fn solve(&mut self, factor: &[F], direction: &mut [F]) -> F {
+    pub fn solve(&mut self, factor: Factor<F>, direction: &mut [F]) -> F {
         let n = direction.len();
         let zero = direction[0].same(0.0);
         for pair in self.pairs[..self.count].iter_mut().rev() {
@@ -106,7 +116,10 @@ impl<F: Real> Secants<F> {
                 direction[i] -= pair.change[i] * pair.alpha;
             }
         }
-        cholesky::solve(factor, n, direction);
+        match factor {
+            Factor::Dense(factor) => cholesky::solve(factor, n, direction),
+            Factor::Blocks(factor) => factor.solve(direction),
+        }
         for pair in &self.pairs[..self.count] {
             let mut along = zero;
             for i in 0..n {

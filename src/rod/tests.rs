@@ -1,5 +1,6 @@
 //! Tests of the rod that involve several of its files.
 
+use super::block_factor::BlockFactor;
 use super::hessian::hessian;
 use super::joint::RootJoint;
 use super::model::{Rod, RodSource, Taper, lerp_from_one};
@@ -8,6 +9,7 @@ use super::potential::{Load, PointLoad, StrainSpring, energy, gradient};
 use super::segment::SegmentSize;
 use super::sensitivity::Sensitivity;
 use super::shape::RodShape;
+use crate::math::cholesky;
 use crate::math::lanes::V3;
 use nalgebra::Vector3;
 
@@ -273,6 +275,68 @@ fn hessian_matches_differences_of_the_gradient() {
         let (shared, apart) = hessian_error(&joined(curl_with_segments(0.001), joint));
         assert!(shared < 1e-7 && apart < 1e-7, "{joint:?}: {shared} {apart}");
     }
+}
+
+#[test]
+fn elimination_by_blocks_solves_as_a_dense_factor_does() {
+    let tip = |tip_strain: bool| {
+        let points: Vec<_> = (0..60)
+            .map(|i| Vector3::new(f64::from(i), (f64::from(i) * 0.3).sin() * 3.0, 0.0) * 4e-3)
+            .collect();
+        let arc: Vec<f64> = (0..12).map(|i| f64::from(i) / 11.0).collect();
+        Rod::new(&RodSource { tip_strain, ..RodSource::hair(&points, &arc) }).unwrap()
+    };
+    let joints = [RootJoint::Clamped, RootJoint::Pinned, RootJoint::Free];
+    let rods = joints.into_iter().flat_map(|joint| [true, false].map(|strain| joined(tip(strain), joint)));
+    let mut solved = 0;
+    for (rod, strong) in rods.chain(curls()).flat_map(|rod| [(rod.clone(), true), (rod, false)]) {
+        let q = bent(&rod);
+        let n = q.len();
+        let (mut shape, mut sens) = (RodShape::default(), Sensitivity::default());
+        shape.update(&rod, &rod.root.r, &q);
+        sens.update(&rod, &shape, &q);
+        let mut load = load(&rod, 1.0 / 192.0);
+        if !strong {
+            let points = (0..rod.points()).map(|k| PointLoad {
+                inertial: shape.x(k),
+                previous: shape.x(k),
+                air: Vector3::x(),
+                tangent: shape.tangent(k),
+                drag: 2e-4,
+            });
+            load.set(&rod, 1.0 / 192.0, &Vector3::y(), &q, points);
+        }
+        let (mut g, mut wrench) = (Vec::new(), Vec::new());
+        gradient(&rod.core, &load, &shape, &sens, &q, &mut g, &mut wrench);
+        for geometric in [1.0, 0.0] {
+            let mut h = Vec::new();
+            hessian(&rod.core, &load, &shape, &sens, &wrench, &q, geometric, &mut h);
+            let lower = h.clone();
+            let mut blocks = BlockFactor::default();
+            let positive = blocks.set(&rod.core, &load, &shape, &sens, &wrench, &q, geometric);
+            assert_eq!(positive, cholesky::factor(&mut h, n), "{n} unknowns, {geometric}");
+            if positive == 0 {
+                continue;
+            }
+            let (mut dense, mut sparse) = (g.clone(), g.clone());
+            cholesky::solve(&h, n, &mut dense);
+            blocks.solve(&mut sparse);
+            // Largest residual of a row, as a share of what it sums.
+            let residual = |x: &[f64]| {
+                let row = |i: usize| {
+                    let entries = (0..n).map(|j| lower[i.max(j) * n + i.min(j)] * x[j]);
+                    let size = entries.clone().map(f64::abs).sum::<f64>() + g[i].abs();
+                    (entries.sum::<f64>() - g[i]).abs() / size
+                };
+                (0..n).map(row).fold(0.0, f64::max)
+            };
+            let [dense, sparse] = [&dense, &sparse].map(|x| residual(x));
+            assert!(sparse < 1e-13, "{n} unknowns, {geometric}: {sparse}, {dense} of a dense factor");
+            solved += 1;
+        }
+    }
+    // All 18 without geometric stiffness, and where forces are weak some with it.
+    assert!(solved > 20, "{solved}");
 }
 
 #[test]

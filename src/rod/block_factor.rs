@@ -1,0 +1,375 @@
+//! Elimination of the Hessian's unknowns from tip to root in O(n) (`docs/theory.md` §4.5).
+//!
+//! What is upstream of an element acts on it by a twist t alone, which has six numbers. With all nodes after node i
+//! eliminated, the quadratic form of the rest is ½ tᵀ A t + tᵀ C qᵢ + ½ qᵢᵀ D qᵢ, where t is the twist upstream of the
+//! second element of node i.
+
+#![allow(clippy::needless_range_loop)] // Several arrays share one index.
+
+use super::hessian::{Assembly, ElementBlock, sweep};
+use super::potential::Load;
+use super::segment::RodCore;
+use super::sensitivity::Sensitivity;
+use super::shape::RodShape;
+use crate::math::lanes::{M3, Mask, Real, Twist};
+
+/// A factor of the Hessian in blocks of three unknowns, one block for each node.
+#[derive(Debug, Clone)]
+pub(super) struct BlockFactor<F> {
+    /// From the root on, without the blocks of the joint.
+    nodes: Vec<NodeFactor<F>>,
+    /// Those of the joint, one or two; none of a clamped root.
+    joint: Vec<JointRow<F>>,
+}
+
+/// What is left of an eliminated node.
+#[derive(Debug, Clone, Copy)]
+struct NodeFactor<F> {
+    /// Lower triangle of the factor L of its pivot, the diagonal inverted.
+    pivot: [[F; 3]; 3],
+    /// L⁻¹ times its coupling to the twist upstream of the element before it.
+    twist: [Twist<F>; 3],
+    /// L⁻¹ times its coupling to the node before it.
+    node: [[F; 3]; 3],
+    /// Twists of everything downstream of its support, per unknown.
+    total: [Twist<F>; 3],
+}
+
+/// A row of the factor of a joint's block.
+#[derive(Debug, Clone, Copy)]
+struct JointRow<F> {
+    /// Up to the diagonal, which is inverted.
+    row: [F; 6],
+    /// Twist of everything downstream per unit of the unknown.
+    total: Twist<F>,
+}
+
+/// A symmetric form of twists.
+#[derive(Clone, Copy)]
+struct TwistForm<F> {
+    ww: M3<F>,
+    wv: M3<F>,
+    vv: M3<F>,
+}
+
+impl<F: Real> TwistForm<F> {
+    #[inline(always)]
+    fn times(&self, t: &Twist<F>) -> Twist<F> {
+        Twist { w: self.ww * t.w + self.wv * t.v, v: self.wv.transposed(t.w) + self.vv * t.v }
+    }
+
+    /// Subtracts t tᵀ.
+    #[inline(always)]
+    fn subtract(&mut self, t: &Twist<F>) {
+        self.ww = self.ww - M3::outer(t.w, t.w);
+        self.wv = self.wv - M3::outer(t.w, t.v);
+        self.vv = self.vv - M3::outer(t.v, t.v);
+    }
+}
+
+/// Eliminates the unknowns as the sweep finds the Hessian.
+struct Elimination<'a, F> {
+    core: &'a RodCore<F>,
+    load: &'a Load<F>,
+    total: &'a [Twist<F>],
+    factor: &'a mut BlockFactor<F>,
+    /// Lanes in which all pivots so far are positive definite.
+    positive: Mask,
+    a: TwistForm<F>,
+    c: [Twist<F>; 3],
+    d: [[F; 3]; 3],
+}
+
+impl<F: Real> Elimination<'_, F> {
+    /// What elasticity, damping and springs on the unknowns give on the diagonal of unknown `a`.
+    #[inline(always)]
+    fn held(&self, a: usize) -> F {
+        let elastic = self.core.stiffness[a % 3] * self.load.hat[a / 3][0];
+        // No closure in a kernel: compiled out of line, it would lose the target features of the dispatch.
+        match self.load.holds.get(a) {
+            Some(hold) => elastic + hold.stiffness,
+            None => elastic,
+        }
+    }
+
+    /// Replaces `d` by its factor.
+    #[inline(always)]
+    fn factor_pivot(&mut self) {
+        let d = &mut self.d;
+        for j in 0..3 {
+            let mut left = d[j][j];
+            for k in 0..j {
+                left -= d[j][k] * d[j][k];
+            }
+            // False for NaN, too.
+            self.positive &= (d[j][j].abs() * 1e-14).below(left);
+            d[j][j] = left.same(1.0) / left.sqrt();
+            for i in j + 1..3 {
+                for k in 0..j {
+                    let product = d[i][k] * d[j][k];
+                    d[i][j] -= product;
+                }
+                d[i][j] = d[i][j] * d[j][j];
+            }
+        }
+    }
+
+    /// L⁻¹ times couplings to a twist.
+    #[inline(always)]
+    fn lower_twists(&self, x: [Twist<F>; 3]) -> [Twist<F>; 3] {
+        let l = &self.d;
+        let first = x[0] * l[0][0];
+        let second = (x[1] + first * -l[1][0]) * l[1][1];
+        let third = (x[2] + first * -l[2][0] + second * -l[2][1]) * l[2][2];
+        [first, second, third]
+    }
+
+    /// Eliminates block `i`, whose pivot is `d`, coupled to the twist by `x` and to the node before it by `y`, by rows
+    /// of the block.
+    #[inline(always)]
+    fn eliminate(&mut self, i: usize, x: [Twist<F>; 3], y: [[F; 3]; 3]) -> ([Twist<F>; 3], [[F; 3]; 3]) {
+        self.factor_pivot();
+        let (twist, l) = (self.lower_twists(x), &self.d);
+        let mut node = y;
+        for c in 0..3 {
+            node[0][c] = node[0][c] * l[0][0];
+            node[1][c] = (node[1][c] - l[1][0] * node[0][c]) * l[1][1];
+            node[2][c] = (node[2][c] - l[2][0] * node[0][c] - l[2][1] * node[1][c]) * l[2][2];
+        }
+        let total = [self.total[3 * i], self.total[3 * i + 1], self.total[3 * i + 2]];
+        let at = i - self.core.joint.blocks();
+        self.factor.nodes[at] = NodeFactor { pivot: self.d, twist, node, total };
+        (twist, node)
+    }
+}
+
+impl<F: Real> Assembly<F> for Elimination<'_, F> {
+    #[inline(always)]
+    fn add_element(&mut self, first: usize, live: usize, block: &ElementBlock<F>) {
+        let i = first / 3;
+        let zero = self.d[0][0].same(0.0);
+        let (mut twist, mut node) = ([Twist::none(zero); 3], [[zero; 3]; 3]);
+        let (a, c) = (self.a, self.c);
+        let s = [self.total[first], self.total[first + 1], self.total[first + 2]];
+        if live == 6 {
+            let (mut x, mut y) = (twist, node);
+            for j in 0..3 {
+                for k in 0..=j {
+                    self.d[j][k] += block.entry(3 + j, 3 + k);
+                }
+                self.d[j][j] += self.held(first + 3 + j);
+                x[j] = c[j] + block.response[3 + j];
+                for k in 0..3 {
+                    y[j][k] = s[k].dot(&c[j]) + block.entry(3 + j, k);
+                }
+                y[j][j] += self.core.stiffness[j] * self.load.hat[i][1];
+            }
+            (twist, node) = self.eliminate(i + 1, x, y);
+        }
+        for k in 0..3 {
+            let carried = a.times(&s[k]);
+            let mut coupled = carried + block.response[k];
+            for j in 0..3 {
+                coupled = coupled + twist[j] * -node[j][k];
+            }
+            self.c[k] = coupled;
+            for l in 0..=k {
+                let mut d = s[l].dot(&carried) + block.entry(k, l);
+                for j in 0..3 {
+                    d -= node[j][k] * node[j][l];
+                }
+                self.d[k][l] = d;
+            }
+        }
+        for t in &twist {
+            self.a.subtract(t);
+        }
+        if i == self.core.joint.blocks() {
+            for c in 0..3 {
+                self.d[c][c] += self.held(first + c);
+            }
+            let (twist, _) = self.eliminate(i, self.c, [[zero; 3]; 3]);
+            for t in &twist {
+                self.a.subtract(t);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_joint(&mut self, unknowns: usize, block: &[[F; 6]; 6]) {
+        let mut l = *block;
+        for i in 0..unknowns {
+            let carried = self.a.times(&self.total[i]);
+            for j in 0..=i {
+                l[i][j] += self.total[j].dot(&carried);
+            }
+            l[i][i] += self.held(i);
+        }
+        for j in 0..unknowns {
+            let mut left = l[j][j];
+            for k in 0..j {
+                left -= l[j][k] * l[j][k];
+            }
+            self.positive &= (l[j][j].abs() * 1e-14).below(left);
+            l[j][j] = left.same(1.0) / left.sqrt();
+            for i in j + 1..unknowns {
+                for k in 0..j {
+                    let product = l[i][k] * l[j][k];
+                    l[i][j] -= product;
+                }
+                l[i][j] = l[i][j] * l[j][j];
+            }
+        }
+        for i in 0..unknowns {
+            self.factor.joint[i] = JointRow { row: l[i], total: self.total[i] };
+        }
+    }
+}
+
+impl<F> Default for BlockFactor<F> {
+    fn default() -> Self {
+        BlockFactor { nodes: Vec::new(), joint: Vec::new() }
+    }
+}
+
+impl<F: Real> BlockFactor<F> {
+    /// Makes room for the factor of a rod.
+    #[inline(always)]
+    pub fn resize(&mut self, core: &RodCore<F>) {
+        let zero = core.length.same(0.0);
+        let (none, blocks) = (Twist::none(zero), core.joint.blocks());
+        let numbers = [[zero; 3]; 3];
+        let node = NodeFactor { pivot: numbers, twist: [none; 3], node: numbers, total: [none; 3] };
+        self.nodes.resize(core.hat.len() - blocks, node);
+        self.joint.resize(3 * blocks, JointRow { row: [zero; 6], total: none });
+    }
+
+    /// Sets it to the factor of the Hessian of Φ, as [`hessian`](super::hessian::hessian) finds it. Returns the lanes
+    /// in which that is positive definite; the factor is invalid in the others.
+    #[allow(clippy::too_many_arguments)] // A kernel: all that it reads.
+    #[inline(always)]
+    pub fn set(
+        &mut self,
+        core: &RodCore<F>,
+        load: &Load<F>,
+        shape: &RodShape<F>,
+        sensitivity: &Sensitivity<F>,
+        wrench: &[Twist<F>],
+        q: &[F],
+        geometric: F,
+    ) -> Mask {
+        self.resize(core);
+        let zero = geometric.same(0.0);
+        let m = M3::diagonal(zero);
+        let mut elimination = Elimination {
+            core,
+            load,
+            total: &sensitivity.total,
+            factor: self,
+            positive: F::ALL,
+            a: TwistForm { ww: m, wv: m, vv: m },
+            c: [Twist::none(zero); 3],
+            d: [[zero; 3]; 3],
+        };
+        sweep(core, load, shape, sensitivity, wrench, q, geometric, &mut elimination);
+        elimination.positive
+    }
+
+    /// Takes over `other` in the lanes of `mask`.
+    #[inline(always)]
+    pub fn replace(&mut self, mask: Mask, other: &Self) {
+        for (old, new) in self.nodes.iter_mut().zip(&other.nodes) {
+            for j in 0..3 {
+                for k in 0..3 {
+                    old.pivot[j][k] = new.pivot[j][k].or(mask, old.pivot[j][k]);
+                    old.node[j][k] = new.node[j][k].or(mask, old.node[j][k]);
+                }
+                old.twist[j] = either(mask, &new.twist[j], &old.twist[j]);
+                old.total[j] = either(mask, &new.total[j], &old.total[j]);
+            }
+        }
+        for (old, new) in self.joint.iter_mut().zip(&other.joint) {
+            for k in 0..6 {
+                old.row[k] = new.row[k].or(mask, old.row[k]);
+            }
+            old.total = either(mask, &new.total, &old.total);
+        }
+    }
+
+    /// Solves H x = b in place.
+    #[inline(always)]
+    pub fn solve(&self, b: &mut [F]) {
+        let (joint, b) = b.split_at_mut(self.joint.len());
+        let zero = b[0].same(0.0);
+        // What is eliminated acts on the twist upstream and on the node before it.
+        let (mut on_twist, mut on_node) = (Twist::none(zero), [zero; 3]);
+        for (i, (node, b)) in self.nodes.iter().zip(b.chunks_exact_mut(3)).enumerate().rev() {
+            let l = &node.pivot;
+            let y0 = (b[0] + on_node[0]) * l[0][0];
+            let y1 = (b[1] + on_node[1] - l[1][0] * y0) * l[1][1];
+            let y2 = (b[2] + on_node[2] - l[2][0] * y0 - l[2][1] * y1) * l[2][2];
+            (b[0], b[1], b[2]) = (y0, y1, y2);
+            if i > 0 {
+                let before = &self.nodes[i - 1].total;
+                for k in 0..3 {
+                    on_node[k] = before[k].dot(&on_twist)
+                        - node.node[0][k] * y0
+                        - node.node[1][k] * y1
+                        - node.node[2][k] * y2;
+                }
+            }
+            on_twist = on_twist + node.twist[0] * -y0 + node.twist[1] * -y1 + node.twist[2] * -y2;
+        }
+        let n = joint.len();
+        for i in 0..n {
+            let JointRow { row, total } = &self.joint[i];
+            let mut left = joint[i] + total.dot(&on_twist);
+            for k in 0..i {
+                left -= row[k] * joint[k];
+            }
+            joint[i] = left * row[i];
+        }
+        for i in (0..n).rev() {
+            for k in i + 1..n {
+                let product = self.joint[k].row[i] * joint[k];
+                joint[i] -= product;
+            }
+            joint[i] = joint[i] * self.joint[i].row[i];
+        }
+        let mut t = Twist::none(zero);
+        for (row, x) in self.joint.iter().zip(&*joint) {
+            t = t + row.total * *x;
+        }
+        let mut before: Option<([F; 3], &[Twist<F>; 3])> = None;
+        for (node, b) in self.nodes.iter().zip(b.chunks_exact_mut(3)) {
+            // The twist is that upstream of the element before the node.
+            let mut y = [b[0], b[1], b[2]];
+            for j in 0..3 {
+                y[j] -= node.twist[j].dot(&t);
+                if let Some((x, _)) = &before {
+                    y[j] -= node.node[j][0] * x[0] + node.node[j][1] * x[1] + node.node[j][2] * x[2];
+                }
+            }
+            if let Some((x, total)) = before {
+                t = t + total[0] * x[0] + total[1] * x[1] + total[2] * x[2];
+            }
+            let l = &node.pivot;
+            let x2 = y[2] * l[2][2];
+            let x1 = (y[1] - l[2][1] * x2) * l[1][1];
+            let x0 = (y[0] - l[1][0] * x1 - l[2][0] * x2) * l[0][0];
+            (b[0], b[1], b[2]) = (x0, x1, x2);
+            before = Some(([x0, x1, x2], &node.total));
+        }
+    }
+}
+
+/// `new` in the lanes of `mask`, `old` elsewhere.
+#[inline(always)]
+fn either<F: Real>(mask: Mask, new: &Twist<F>, old: &Twist<F>) -> Twist<F> {
+    let mut twist = *old;
+    for k in 0..3 {
+        twist.w.0[k] = new.w.0[k].or(mask, old.w.0[k]);
+        twist.v.0[k] = new.v.0[k].or(mask, old.v.0[k]);
+    }
+    twist
+}
