@@ -1,4 +1,4 @@
-//! Elimination of the Hessian's unknowns from tip to root in O(n) (`docs/theory.md` §4.5).
+//! Elimination of the Hessian's unknowns from tip to root in O(n), of a clamped rod (`docs/theory.md` §4.5).
 //!
 //! What is upstream of an element acts on it by a twist t alone, which has six numbers. With all nodes after node i
 //! eliminated, the quadratic form of the rest is ½ tᵀ A t + tᵀ C qᵢ + ½ qᵢᵀ D qᵢ, where t is the twist upstream of the
@@ -16,10 +16,8 @@ use crate::math::lanes::{M3, Mask, Real, Twist};
 /// A factor of the Hessian in blocks of three unknowns, one block for each node.
 #[derive(Debug, Clone)]
 pub(super) struct BlockFactor<F> {
-    /// From the root on, without the blocks of the joint.
+    /// From the root on.
     nodes: Vec<NodeFactor<F>>,
-    /// Those of the joint, one or two; none of a clamped root.
-    joint: Vec<JointRow<F>>,
 }
 
 /// What is left of an eliminated node.
@@ -33,15 +31,6 @@ struct NodeFactor<F> {
     node: [[F; 3]; 3],
     /// Twists of everything downstream of its support, per unknown.
     total: [Twist<F>; 3],
-}
-
-/// A row of the factor of a joint's block.
-#[derive(Debug, Clone, Copy)]
-struct JointRow<F> {
-    /// Up to the diagonal, which is inverted.
-    row: [F; 6],
-    /// Twist of everything downstream per unit of the unknown.
-    total: Twist<F>,
 }
 
 /// A symmetric form of twists.
@@ -137,8 +126,7 @@ impl<F: Real> Elimination<'_, F> {
             node[2][c] = (node[2][c] - l[2][0] * node[0][c] - l[2][1] * node[1][c]) * l[2][2];
         }
         let total = [self.total[3 * i], self.total[3 * i + 1], self.total[3 * i + 2]];
-        let at = i - self.core.joint.blocks();
-        self.factor.nodes[at] = NodeFactor { pivot: self.d, twist, node, total };
+        self.factor.nodes[i] = NodeFactor { pivot: self.d, twist, node, total };
         (twist, node)
     }
 }
@@ -184,7 +172,7 @@ impl<F: Real> Assembly<F> for Elimination<'_, F> {
         for t in &twist {
             self.a.subtract(t);
         }
-        if i == self.core.joint.blocks() {
+        if i == 0 {
             for c in 0..3 {
                 self.d[c][c] += self.held(first + c);
             }
@@ -194,41 +182,11 @@ impl<F: Real> Assembly<F> for Elimination<'_, F> {
             }
         }
     }
-
-    #[inline(always)]
-    fn add_joint(&mut self, unknowns: usize, block: &[[F; 6]; 6]) {
-        let mut l = *block;
-        for i in 0..unknowns {
-            let carried = self.a.times(&self.total[i]);
-            for j in 0..=i {
-                l[i][j] += self.total[j].dot(&carried);
-            }
-            l[i][i] += self.held(i);
-        }
-        for j in 0..unknowns {
-            let mut left = l[j][j];
-            for k in 0..j {
-                left -= l[j][k] * l[j][k];
-            }
-            self.positive &= (l[j][j].abs() * 1e-14).below(left);
-            l[j][j] = left.same(1.0) / left.sqrt();
-            for i in j + 1..unknowns {
-                for k in 0..j {
-                    let product = l[i][k] * l[j][k];
-                    l[i][j] -= product;
-                }
-                l[i][j] = l[i][j] * l[j][j];
-            }
-        }
-        for i in 0..unknowns {
-            self.factor.joint[i] = JointRow { row: l[i], total: self.total[i] };
-        }
-    }
 }
 
 impl<F> Default for BlockFactor<F> {
     fn default() -> Self {
-        BlockFactor { nodes: Vec::new(), joint: Vec::new() }
+        BlockFactor { nodes: Vec::new() }
     }
 }
 
@@ -237,16 +195,14 @@ impl<F: Real> BlockFactor<F> {
     #[inline(always)]
     pub fn resize(&mut self, core: &RodCore<F>) {
         let zero = core.length.same(0.0);
-        let (none, blocks) = (Twist::none(zero), core.joint.blocks());
+        let none = Twist::none(zero);
         let numbers = [[zero; 3]; 3];
         let node = NodeFactor { pivot: numbers, twist: [none; 3], node: numbers, total: [none; 3] };
-        self.nodes.resize(core.hat.len() - blocks, node);
-        self.joint.resize(3 * blocks, JointRow { row: [zero; 6], total: none });
+        self.nodes.resize(core.hat.len(), node);
     }
 
     /// Sets it to the factor of the Hessian of Φ, as [`hessian`](super::hessian::hessian) finds it. Returns the lanes
     /// in which that is positive definite; the factor is invalid in the others.
-    #[allow(clippy::too_many_arguments)] // A kernel: all that it reads.
     #[inline(always)]
     pub fn set(
         &mut self,
@@ -255,7 +211,6 @@ impl<F: Real> BlockFactor<F> {
         shape: &RodShape<F>,
         sensitivity: &Sensitivity<F>,
         wrench: &[Twist<F>],
-        q: &[F],
         geometric: F,
     ) -> Mask {
         self.resize(core);
@@ -271,7 +226,7 @@ impl<F: Real> BlockFactor<F> {
             c: [Twist::none(zero); 3],
             d: [[zero; 3]; 3],
         };
-        sweep(core, load, shape, sensitivity, wrench, q, geometric, &mut elimination);
+        sweep(core, load, shape, sensitivity, wrench, geometric, &mut elimination);
         elimination.positive
     }
 
@@ -288,18 +243,11 @@ impl<F: Real> BlockFactor<F> {
                 old.total[j] = either(mask, &new.total[j], &old.total[j]);
             }
         }
-        for (old, new) in self.joint.iter_mut().zip(&other.joint) {
-            for k in 0..6 {
-                old.row[k] = new.row[k].or(mask, old.row[k]);
-            }
-            old.total = either(mask, &new.total, &old.total);
-        }
     }
 
     /// Solves H x = b in place.
     #[inline(always)]
     pub fn solve(&self, b: &mut [F]) {
-        let (joint, b) = b.split_at_mut(self.joint.len());
         let zero = b[0].same(0.0);
         // What is eliminated acts on the twist upstream and on the node before it.
         let (mut on_twist, mut on_node) = (Twist::none(zero), [zero; 3]);
@@ -320,26 +268,7 @@ impl<F: Real> BlockFactor<F> {
             }
             on_twist = on_twist + node.twist[0] * -y0 + node.twist[1] * -y1 + node.twist[2] * -y2;
         }
-        let n = joint.len();
-        for i in 0..n {
-            let JointRow { row, total } = &self.joint[i];
-            let mut left = joint[i] + total.dot(&on_twist);
-            for k in 0..i {
-                left -= row[k] * joint[k];
-            }
-            joint[i] = left * row[i];
-        }
-        for i in (0..n).rev() {
-            for k in i + 1..n {
-                let product = self.joint[k].row[i] * joint[k];
-                joint[i] -= product;
-            }
-            joint[i] = joint[i] * self.joint[i].row[i];
-        }
         let mut t = Twist::none(zero);
-        for (row, x) in self.joint.iter().zip(&*joint) {
-            t = t + row.total * *x;
-        }
         let mut before: Option<([F; 3], &[Twist<F>; 3])> = None;
         for (node, b) in self.nodes.iter().zip(b.chunks_exact_mut(3)) {
             // The twist is that upstream of the element before the node.

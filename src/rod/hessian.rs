@@ -32,7 +32,7 @@ impl<F: Real> Symmetric<F> {
 
 /// Sums over all points downstream of a segment, about the root. Blocks are named t (rotation, torque) and p
 /// (translation, force).
-struct Composite<F> {
+pub(super) struct Composite<F> {
     /// Σ f.
     force: V3<F>,
     /// Σ x fᵀ, the forces included that exert moments.
@@ -209,9 +209,6 @@ impl<F: Real> ElementBlock<F> {
 pub(super) trait Assembly<F> {
     /// Takes the block of an element whose first unknown is `first`, with `live` unknowns of its own.
     fn add_element(&mut self, first: usize, live: usize, block: &ElementBlock<F>);
-
-    /// Takes the lower triangle of the block of a joint with `unknowns` unknowns.
-    fn add_joint(&mut self, unknowns: usize, block: &[[F; 6]; 6]);
 }
 
 /// The whole lower triangle, row-major n × n, N·m³.
@@ -234,15 +231,6 @@ impl<F: Real> Assembly<F> for Dense<'_, F> {
             }
         }
     }
-
-    #[inline(always)]
-    fn add_joint(&mut self, unknowns: usize, block: &[[F; 6]; 6]) {
-        for (a, entries) in block.iter().enumerate().take(unknowns) {
-            for (h, entry) in self.hessian[a * self.n..].iter_mut().zip(&entries[..=a]) {
-                *h += *entry;
-            }
-        }
-    }
 }
 
 /// Sets the lower triangle of `hessian` (row-major n × n, N·m³) to that of Φ. `wrench` is from
@@ -260,12 +248,45 @@ pub(super) fn hessian<F: Real>(
     geometric: F,
     hessian: &mut Vec<F>,
 ) {
-    set_elastic(core, load, geometric.same(0.0), hessian);
-    let mut dense = Dense { n: core.unknowns(), total: &sensitivity.total, hessian };
-    sweep(core, load, shape, sensitivity, wrench, q, geometric, &mut dense);
+    let (n, zero) = (core.unknowns(), geometric.same(0.0));
+    set_elastic(core, load, zero, hessian);
+    let mut dense = Dense { n, total: &sensitivity.total, hessian };
+    let mut downstream = sweep(core, load, shape, sensitivity, wrench, geometric, &mut dense);
+    if core.joint != RootJoint::Clamped {
+        let root = &shape.pose[0];
+        let mut torque = downstream.torque();
+        if core.joint == RootJoint::Free {
+            downstream.add_point(0, load, shape, core.first_moving());
+            torque = downstream.torque() - root.p.cross(downstream.force);
+        }
+        let (response, joint) = (downstream.response(geometric), Joint::new(q));
+        let turning = joint.stiffness(root.r.transposed(torque)) * geometric;
+        let twists = &sensitivity.total[..3];
+        let responses = [response.to(&twists[0]), response.to(&twists[1]), response.to(&twists[2])];
+        for a in 0..3 {
+            for b in 0..=a {
+                let rigid = twists[a].dot(&responses[b]) + twists[b].dot(&responses[a]);
+                hessian[a * n + b] += rigid * zero.same(0.5) - turning.0[b].0[a];
+            }
+        }
+        if core.joint == RootJoint::Free {
+            // A displacement is upstream of a rotation.
+            for (a, moves) in sensitivity.total[3..6].iter().enumerate() {
+                let row = &mut hessian[(3 + a) * n..];
+                for (h, turned) in row.iter_mut().zip(&responses) {
+                    *h += moves.dot(turned);
+                }
+                let moved = response.to(moves);
+                for (h, other) in row[3..4 + a].iter_mut().zip(&sensitivity.total[3..6]) {
+                    *h += other.dot(&moved);
+                }
+            }
+        }
+    }
 }
 
-/// Finds the Hessian of Φ without the elastic and viscous part, and the springs on the unknowns.
+/// Finds the Hessian of Φ by elements, without the elastic and viscous part, the springs on the unknowns, and the
+/// joint of a root that turns. Returns the sums over all points but the root.
 #[allow(clippy::too_many_arguments)] // As `hessian`.
 #[inline(always)]
 pub(super) fn sweep<F: Real>(
@@ -274,10 +295,9 @@ pub(super) fn sweep<F: Real>(
     shape: &RodShape<F>,
     sensitivity: &Sensitivity<F>,
     wrench: &[Twist<F>],
-    q: &[F],
     geometric: F,
     assembly: &mut impl Assembly<F>,
-) {
+) -> Composite<F> {
     let (n, zero) = (core.unknowns(), geometric.same(0.0));
     let mut downstream = Composite::new(zero);
     let mut block = ElementBlock::new(zero);
@@ -302,38 +322,7 @@ pub(super) fn sweep<F: Real>(
             block.clear(zero);
         }
     }
-    if core.joint != RootJoint::Clamped {
-        let root = &shape.pose[0];
-        let mut torque = downstream.torque();
-        if core.joint == RootJoint::Free {
-            downstream.add_point(0, load, shape, moving);
-            torque = downstream.torque() - root.p.cross(downstream.force);
-        }
-        let (response, joint) = (downstream.response(geometric), Joint::new(q));
-        let turning = joint.stiffness(root.r.transposed(torque)) * geometric;
-        let twists = &sensitivity.total[..3];
-        let responses = [response.to(&twists[0]), response.to(&twists[1]), response.to(&twists[2])];
-        let mut block = [[zero; 6]; 6];
-        for (a, row) in block.iter_mut().enumerate().take(3) {
-            for (b, entry) in row.iter_mut().enumerate().take(a + 1) {
-                let rigid = twists[a].dot(&responses[b]) + twists[b].dot(&responses[a]);
-                *entry = rigid * zero.same(0.5) - turning.0[b].0[a];
-            }
-        }
-        if core.joint == RootJoint::Free {
-            // A displacement is upstream of a rotation.
-            for (a, moves) in sensitivity.total[3..6].iter().enumerate() {
-                for (b, turned) in responses.iter().enumerate() {
-                    block[3 + a][b] = moves.dot(turned);
-                }
-                let moved = response.to(moves);
-                for (b, other) in sensitivity.total[3..4 + a].iter().enumerate() {
-                    block[3 + a][3 + b] = other.dot(&moved);
-                }
-            }
-        }
-        assembly.add_joint(3 * core.joint.blocks(), &block);
-    }
+    downstream
 }
 
 /// Sets the lower triangle to the elastic and viscous part, with the springs on the unknowns.

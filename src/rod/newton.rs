@@ -47,7 +47,8 @@ const MAX_SHORTENINGS: u32 = 200;
 const MIN_FRACTION: f64 = 1e-6;
 
 /// Unknowns of a rod from which on a solve factors the Hessian in blocks, in O(n), and not as a dense matrix: 8 nodes
-/// take 1.06 of the time in blocks, 16 nodes 0.88.
+/// take 1.06 of the time in blocks, 16 nodes 0.88. That of a root that turns stays dense: in blocks its joint comes
+/// last, and a loose hair on two ties did not come to rest.
 const LONG: usize = 30;
 
 /// Outcome of a solve.
@@ -257,7 +258,7 @@ impl<F: Real> Solver<F> {
             self.negative_gradient(core, load, q);
             self.secants.record(kept, &self.direction);
             let needed = active & !kept;
-            let slope = if q.len() < LONG {
+            let slope = if q.len() < LONG || core.joint != RootJoint::Clamped {
                 active &= kept | self.factorise(core, load, q, needed);
                 self.secants.solve(Factor::Dense(&self.factor), &mut self.direction)
             } else {
@@ -400,7 +401,7 @@ impl<F: Real> Solver<F> {
         let [factor, next] = &mut self.blocks;
         let positive = loop {
             let (shape, wrench) = (&self.shape, &self.wrench);
-            let positive = needed & next.set(core, load, shape, &self.sensitivity, wrench, q, geometric);
+            let positive = needed & next.set(core, load, shape, &self.sensitivity, wrench, geometric);
             let without = needed & geometric.below(one);
             if positive | without == needed {
                 break positive;
