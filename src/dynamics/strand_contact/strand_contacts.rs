@@ -292,7 +292,7 @@ impl StrandContacts {
 
     /// Gives up guides of `islands` that do not come to rest, unless that is no reason to divide, with all that takes
     /// parts with them then. The others go on.
-    fn give_up(&mut self, states: &[GuideState], islands: &[Island]) {
+    pub(super) fn give_up(&mut self, states: &[GuideState], islands: &[Island]) {
         let all = islands.iter().flat_map(|island| island.guides.iter().copied());
         let hopeless: Vec<usize> =
             all.filter(|&g| !states[g].stuck && self.guides[g].is_hopeless()).collect();

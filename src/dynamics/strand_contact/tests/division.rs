@@ -1,5 +1,6 @@
 //! Divided sub-steps: only those that fail, and what they touch, take them in parts.
 
+use super::super::island::Island;
 use super::*;
 use std::collections::BTreeSet;
 
@@ -77,6 +78,26 @@ fn a_part_of_a_brush_takes_parts_without_the_rest_and_nothing_crosses() {
         }
     });
     assert!(of_some > 0);
+}
+
+#[test]
+fn what_does_not_come_to_rest_is_given_up_with_what_takes_parts_with_it_alone() {
+    // Side by side, each within reach of the next alone; nothing pushes.
+    let side_by_side = |i: usize| {
+        let from = V::x() * (4e-4 * i as f64);
+        strand(from, from + V::z() * 0.06, 30.0)
+    };
+    let mut scene = Scene::new((0..4).map(side_by_side).collect());
+    scene.field = &|_| V::zeros();
+    let Motion { guides, strand_contacts: mut contacts, records, .. } = scene.run(H, |_, _| {});
+    let found = [0, 1, 2, 3].map(|g| (records[g].strands.found, records[g].strands.active));
+    assert!(found[..3].iter().all(|(found, active)| *found > 0 && *active == 0), "{found:?}");
+    let thrown_about = &mut contacts.guides[0];
+    (thrown_about.needs_round, thrown_about.rounds, thrown_about.displacement) = (true, 20, 0.1);
+    contacts.give_up(&guides, &[Island { guides: vec![0, 1, 2, 3], contacts: Vec::new() }]);
+    let given_up: Vec<bool> = contacts.guides.iter().map(|guide| guide.given_up).collect();
+    // The second is near it, and would be pushed by it in parts.
+    assert_eq!(given_up, [true, true, false, false]);
 }
 
 #[test]
