@@ -80,7 +80,7 @@ pub struct FrameRecord {
     /// Where that work is positive, its share of the kinetic energy of the guides and of what they would have
     /// at the speed at which contact may push them apart.
     pub strand_gain: f64,
-    /// Largest distance of a tie from its target, m.
+    /// Largest distance of a tied place from its goal at the end of the frame, m.
     pub tie_slack_m: f64,
     /// Guides that an animated goal pulls at the frame.
     pub goal_guides: u32,
@@ -195,12 +195,14 @@ impl FrameRecord {
         self.hair_slip = step.hair.slip;
         (self.contacts_found, self.contacts_active) = (0, 0);
         (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
+        self.tie_slack_m = 0.0;
         let stepped = step.guides.iter().enumerate().filter(|(i, _)| step.active[*i]);
         for (_, r) in stepped.clone() {
             self.contacts_found += r.found;
             self.contacts_active += r.active;
             self.strand_contacts_found += r.strands.found;
             self.strand_contacts_active += r.strands.active;
+            self.tie_slack_m = self.tie_slack_m.max(r.tie_slack);
         }
         let stepped = stepped.map(|(i, r)| (i, r, !step.coupled));
         for (i, r, alone) in stepped.chain(step.catch_up.iter().map(|(i, r)| (*i, r, true))) {
@@ -221,7 +223,6 @@ impl FrameRecord {
             self.strands_shortened += r.strands.uncoupled + r.strands.truncated;
             self.strand_missing = self.strand_missing.max(r.strands.missing);
             self.strand_work_j += r.strands.work;
-            self.tie_slack_m = self.tie_slack_m.max(r.tie_slack);
             if r.halvings > 0 && alone && !self.divided.contains(&ids[i]) {
                 self.divided.push(ids[i]);
             }
@@ -296,7 +297,21 @@ impl FrameRecord {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::step_record::HairRecord;
+    use crate::dynamics::step_record::{HairRecord, StepRecord};
+
+    #[test]
+    fn ties_are_as_far_off_as_at_the_end_of_the_frame() {
+        let step = |slacks: [f64; 2]| SubstepRecord {
+            guides: slacks.map(|tie_slack| StepRecord { tie_slack, ..StepRecord::default() }).to_vec(),
+            active: vec![true; 2],
+            ..SubstepRecord::default()
+        };
+        let mut record = FrameRecord::default();
+        for slacks in [[0.3, 0.1], [0.02, 0.01]] {
+            record.add(&step(slacks), &[0, 1]);
+        }
+        assert_eq!(record.tie_slack_m, 0.02);
+    }
 
     #[test]
     fn the_hair_of_a_frame_is_the_densest_of_its_sub_steps_and_slips_as_in_the_last() {

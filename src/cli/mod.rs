@@ -33,6 +33,7 @@ mod summary;
 mod validate;
 mod values;
 mod view;
+mod warnings;
 mod wedges;
 
 use crate::error::{Error, Result};

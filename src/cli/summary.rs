@@ -1,8 +1,9 @@
 //! The end of a bake: its report, its contact sheet and a summary for the console.
 
-use super::bake_report::{bake_report, findings, pinches, report_of, scene_rows, warnings};
+use super::bake_report::{bake_report, report_of, scene_rows};
 use super::figures::Figures;
 use super::preview::{PICTURES, overview};
+use super::warnings::{findings, pinches, warnings};
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::{FrameEntry, Manifest, ROOT, Reader, SHOT, write_file};

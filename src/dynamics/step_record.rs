@@ -25,7 +25,7 @@ pub struct StepRecord {
     pub crossed: u32,
     /// Solves accepted before the guide came to rest on the bodies.
     pub unsettled: u32,
-    /// Largest distance of a tie from its target, m.
+    /// Largest distance of a tied place from its goal at the end, m.
     pub tie_slack: f64,
     /// Contact with other guides.
     pub strands: StrandRecord,
@@ -103,7 +103,7 @@ impl StepRecord {
             truncated: self.truncated + second.truncated,
             crossed: self.crossed + second.crossed,
             unsettled: self.unsettled + second.unsettled,
-            tie_slack: self.tie_slack.max(second.tie_slack),
+            tie_slack: second.tie_slack,
             strands: StrandRecord {
                 found: b.found,
                 active: b.active,

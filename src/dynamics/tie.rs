@@ -71,8 +71,8 @@ pub struct ActiveTie {
     pub tie: Tie,
     /// Where its place is to be, world, m.
     pub target: Vector3<f64>,
-    /// How far that is from where it would be if it were within reach, m.
-    pub short: f64,
+    /// Where it is to be once it is there, world, m: the target may be on the way, or as far as the strand reaches.
+    pub goal: Vector3<f64>,
     /// The material frame that its place is to have, world; `None` if it may turn.
     pub frame: Option<Matrix3<f64>>,
 }
@@ -112,10 +112,14 @@ impl ActiveTie {
         HeldPlace { segment, u, directions, held, off: directions.map(|d| d.dot(&off)) }
     }
 
-    /// How far the place that it holds on the contact polyline `x`, m, is from where it should be, m.
+    /// How far the place that it holds on the contact polyline `x`, m, is from its goal in the directions in which it is
+    /// held, m.
     pub fn slack(&self, x: &[Vector3<f64>]) -> f64 {
         let place = self.held(x);
-        place.off[..place.held].iter().map(|off| off * off).sum::<f64>().sqrt() + self.short
+        let short = self.target - self.goal;
+        let off =
+            place.off.iter().zip(&place.directions).take(place.held).map(|(off, d)| off + d.dot(&short));
+        off.map(|off| off * off).sum::<f64>().sqrt()
     }
 }
 
@@ -202,7 +206,7 @@ impl Tie {
         });
         let (segment, s) = on_rod(k, u);
         let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
-        ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame }
+        ActiveTie { tie: self.clone(), target, goal, frame }
     }
 }
 

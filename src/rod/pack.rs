@@ -437,7 +437,7 @@ mod tests {
 
     #[test]
     fn rod_has_the_same_bits_alone_and_in_any_pack() {
-        // The longer ones are factored in blocks.
+        // Clamped ones of 13 nodes are factored in blocks.
         let joints = [RootJoint::Clamped, RootJoint::Pinned, RootJoint::Free];
         for (joint, nodes) in joints.into_iter().flat_map(|joint| [(joint, 7), (joint, 13)]) {
             let mut rods = hairs(12, nodes);

@@ -22,7 +22,7 @@ impl ContactStats {
         self.rounds > 0
     }
 
-    /// Sets the counts, the penetration and the largest distance `slack` of a tie from its target, m, from
+    /// Sets the counts, the penetration and the largest distance `slack` of a tied place from its goal, m, from
     /// the contacts `found` on `line` and their `reactions`, three components each.
     pub(super) fn measure(
         &mut self,
@@ -53,6 +53,6 @@ impl ContactStats {
         record.penetration = record.penetration.max(self.penetration);
         record.unsettled += u32::from(self.unsettled);
         record.crossed += u32::from(self.crossed);
-        record.tie_slack = record.tie_slack.max(self.slack);
+        record.tie_slack = self.slack;
     }
 }
