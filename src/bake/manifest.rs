@@ -7,6 +7,7 @@ use super::over;
 use super::work_dir::WrittenFrame;
 use crate::cache::{self, Manifest, Writer};
 use crate::file::FileRecord;
+use crate::math::percentile;
 use crate::scene::anim::Goal;
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
@@ -54,7 +55,7 @@ pub(super) fn finish(job: &Job, mut writer: Writer, finished: Vec<Finished>) -> 
         "exempt_guide_segments": exempt,
         "guide_segments": segments,
         "groom_notes": job.groom.notes,
-        "hair_sampling": job.rods.sampling,
+        "hair_sampling": job.rods.sampling.clone().map(|sampling| percentile(sampling, 0.5)),
         "goals": goals(job),
         "sag_free": job.rods.sag_free,
         "first_frame_from_groom": { "mean": mean, "largest": largest },

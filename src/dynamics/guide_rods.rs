@@ -23,9 +23,9 @@ pub struct GuideRods {
     fine: Vec<Rod>,
     /// Density of the hair in the groom's pose.
     pub(super) density: HairDensity,
-    /// How many hairs each hair of the groom stands for in contact with other hair as a volume; `None`
-    /// without such contact.
-    pub sampling: Option<f64>,
+    /// How many hairs a hair of each guide stands for in contact with other hair as a volume; `None` without such
+    /// contact.
+    pub sampling: Option<Vec<f64>>,
     /// What the sag-free start changed.
     pub sag_free: SagFreeReport,
     /// For each guide whose root is free, what carries rest space to the world at the start of the pre-roll.

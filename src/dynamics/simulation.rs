@@ -277,7 +277,7 @@ impl<'a> Simulation<'a> {
             coupled: full,
             ..SubstepRecord::default()
         };
-        let hair_volume = rods.sampling.map(|sampling| {
+        let hair_volume = rods.sampling.as_ref().map(|sampling| {
             // Hair is at rest at the groom's own density, wherever a goal first holds it.
             let drawn = |guide| GuideState::drawn(guide, &env, t, h);
             let drawn: Vec<GuideState> = model.guides.par_iter().map(drawn).collect();

@@ -49,8 +49,9 @@ const MIN_PIECES: usize = 512;
 
 /// The hair of a groom as a fibre assembly, in pieces: consecutive points of a guide, with all its hairs.
 pub(super) struct HairVolume {
-    hairs: Vec<Hairs>,
     parts: Vec<Part>,
+    /// The hairs of each piece.
+    hairs: Vec<Hairs>,
     /// Index of the first piece of each guide, then the number of pieces.
     first: Vec<usize>,
     /// The hair around each piece in the groom's pose.
@@ -81,7 +82,7 @@ pub(super) struct HairVolume {
     grid: Grid,
 }
 
-/// The hairs of one guide.
+/// The hairs of a piece of a guide.
 struct Hairs {
     fibre: Fibre,
     /// Volume per length of all that they stand for, m².
@@ -156,10 +157,10 @@ const PRESSURE: usize = 7;
 
 impl HairVolume {
     /// The hair of guides with the rods `rods`, whose `states` are the groom's pose at time `t`, s. Each hair
-    /// stands for `sampling` hairs; `h`, s, is the sub-step.
+    /// of guide i stands for `sampling[i]` hairs; `h`, s, is the sub-step.
     pub fn new(
         rods: &[GuideRod],
-        sampling: f64,
+        sampling: &[f64],
         models: &[GuideModel],
         states: &[GuideState],
         env: &Environment,
@@ -168,7 +169,10 @@ impl HairVolume {
         let grid = Grid::new(root_spacing(rods).max(MIN_SPACING), reach(rods));
         let (parts, first) = Part::of_guides(models, PIECE * grid.spacing());
         let mut volume = HairVolume {
-            hairs: rods.iter().map(|r| Hairs::new(r, sampling)).collect(),
+            hairs: parts
+                .iter()
+                .map(|part| Hairs::new(&rods[part.guide], sampling[part.guide], part))
+                .collect(),
             first,
             rest: Vec::new(),
             dense: 0.0,
@@ -250,14 +254,8 @@ impl HairVolume {
     /// Sets which active guide each guide moves with: `leader`.
     fn set_leaders(&mut self, models: &[GuideModel], leader: impl Fn(usize) -> usize) {
         self.leaders = (0..models.len()).map(leader).collect();
-        // Arc length in the middle of each piece of a guide, as a share of the guide's length.
-        let middles = |i: usize| {
-            let rod = &models[i].rod;
-            let middle = |Part { points, .. }: &Part| {
-                0.5 * (rod.arc[points.start] + rod.arc[points.end - 1]) / rod.length()
-            };
-            self.parts[self.pieces_of(i)].iter().map(middle).collect::<Vec<f64>>()
-        };
+        let middles =
+            |i: usize| self.parts[self.pieces_of(i)].iter().map(|part| part.middle).collect::<Vec<f64>>();
         let mut places = vec![None; self.parts.len()];
         for (guide, &leader) in self.leaders.iter().enumerate().filter(|(guide, leader)| guide != *leader) {
             let (own, of_leader) = (middles(guide), middles(leader));
@@ -344,9 +342,9 @@ impl HairVolume {
     fn locate(&mut self, states: &[GuideState], env: &Environment, t: f64) {
         let HairVolume { hairs, parts, pieces, grid, .. } = self;
         let head = CarrierVelocity::of_head(env, t);
-        let all = pieces.par_iter_mut().zip(&*parts).with_min_len(MIN_PIECES);
-        all.for_each(|(piece, part)| {
-            *piece = Piece::of(&states[part.guide], part, &hairs[part.guide], &head, grid)
+        let all = pieces.par_iter_mut().zip(&*parts).zip(&*hairs).with_min_len(MIN_PIECES);
+        all.for_each(|((piece, part), hairs)| {
+            *piece = Piece::of(&states[part.guide], part, hairs, &head, grid);
         });
     }
 
@@ -355,24 +353,24 @@ impl HairVolume {
     fn follow(&mut self, states: &[GuideState], env: &Environment, t: f64) {
         let HairVolume { hairs, parts, framed, history, between, pieces, moved, grid, .. } = self;
         let head = CarrierVelocity::of_head(env, t);
-        let constants = parts.par_iter().zip(&*between).zip(framed.par_iter().zip(&*history));
+        let constants = parts.par_iter().zip(&*hairs).zip(&*between).zip(framed.par_iter().zip(&*history));
         let all = pieces.par_iter_mut().zip(&mut *moved).zip(constants).with_min_len(MIN_PIECES);
         all.filter(|(_, ((_, between), _))| between.is_none()).for_each(
-            |((piece, moved), ((part, _), (framed, history)))| {
-                *piece = Piece::of(&states[part.guide], part, &hairs[part.guide], &head, grid);
+            |((piece, moved), (((part, hairs), _), (framed, history)))| {
+                *piece = Piece::of(&states[part.guide], part, hairs, &head, grid);
                 piece.acceleration = (piece.v - history.unforced) / history.eta;
                 let (by, turned) = (piece.x - framed.x, piece.tangent - framed.tangent);
                 *moved = Moved { by, turned, v: piece.v, acceleration: piece.acceleration };
             },
         );
-        let constants = parts.par_iter().zip(&*between).zip(framed.par_iter().zip(&*history));
+        let constants = parts.par_iter().zip(&*hairs).zip(&*between).zip(framed.par_iter().zip(&*history));
         let all = pieces.par_iter_mut().zip(constants).with_min_len(MIN_PIECES);
-        all.for_each(|(piece, ((part, between), (framed, history)))| {
+        all.for_each(|(piece, (((part, hairs), between), (framed, history)))| {
             let Some(between) = between else { return };
             let x = framed.x + between.mean(|j| moved[j].by);
             let v = between.mean(|j| moved[j].v);
             let tangent = framed.tangent + between.mean(|j| moved[j].turned);
-            *piece = Piece::new([x, v, tangent], part, &hairs[part.guide], grid);
+            *piece = Piece::new([x, v, tangent], part, hairs, grid);
             piece.acceleration = between.mean(|j| moved[j].acceleration) + history.beyond_leader;
         });
     }
@@ -408,11 +406,11 @@ impl HairVolume {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
         let HairVolume { hairs, parts, rest, pieces, axes, stencils, deposits, grid, .. } = self;
         let cell_volume = grid.cell_volume();
-        let constants = parts.par_iter().zip(&*rest).zip(&*stencils).zip(&*axes);
+        let constants = parts.par_iter().zip(&*hairs).zip(&*rest).zip(&*stencils).zip(&*axes);
         let all = pieces.par_iter_mut().zip(&mut *deposits).zip(constants).with_min_len(MIN_PIECES);
         all.filter(|((piece, _), _)| !piece.absent).for_each(
-            |((piece, deposit), (((part, rest), stencil), axis))| {
-                let (hairs, values) = (&hairs[part.guide], grid.values(stencil));
+            |((piece, deposit), ((((part, hairs), rest), stencil), axis))| {
+                let values = grid.values(stencil);
                 let assembly = assembly(&values);
                 let mean = Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
                 piece.energy_slope = assembly.energy_slope(&hairs.fibre, rest.fraction, max_speed);
@@ -443,13 +441,13 @@ impl HairVolume {
     /// Finds the forces on wisps: a guide that leads others moves as they do on average, under the mean of
     /// the forces on all of them.
     fn sum_wisps(&mut self) {
-        let HairVolume { hairs, parts, history, between, pieces, beyond, stencils, grid, .. } = self;
-        let all = pieces.par_iter_mut().zip(&*parts).zip(&*stencils).with_min_len(MIN_PIECES);
-        all.filter(|((piece, _), _)| !piece.absent).for_each(|((piece, part), stencil)| {
+        let HairVolume { hairs, history, between, pieces, beyond, stencils, grid, .. } = self;
+        let all = pieces.par_iter_mut().zip(&*hairs).zip(&*stencils).with_min_len(MIN_PIECES);
+        all.filter(|((piece, _), _)| !piece.absent).for_each(|((piece, hairs), stencil)| {
             // −∂/∂x of the energy Σ V u(φ), as deposited.
             let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
             let force = piece.repulsion - grid.gradient(stencil, energy);
-            piece.pressure = force * hairs[part.guide].fibre.area;
+            piece.pressure = force * hairs.fibre.area;
         });
         let constants = pieces.par_iter().zip(&*between).zip(&*history);
         let all = beyond.par_iter_mut().zip(constants).with_min_len(MIN_PIECES);
@@ -489,15 +487,17 @@ impl HairVolume {
 }
 
 impl Hairs {
-    fn new(r: &GuideRod, sampling: f64) -> Self {
+    fn new(r: &GuideRod, sampling: f64, part: &Part) -> Self {
         let material = &r.material;
-        let area = material.section.area();
+        let area = part.section * material.section.area();
+        // Profiles are linear in arc length.
+        let towards_tip = |at_tip: f64| 1.0 + (at_tip - 1.0) * part.middle;
         Hairs {
             fibre: Fibre {
-                modulus: material.young_modulus,
+                modulus: towards_tip(material.stiffness_at_tip) * material.young_modulus,
                 density: material.density,
                 area,
-                friction: material.friction.mu_k,
+                friction: towards_tip(material.friction_at_tip) * material.friction.mu_k,
                 parallel_friction: material.friction_parallel,
                 friction_across: material.friction_across,
                 cohesion: material.cohesion,

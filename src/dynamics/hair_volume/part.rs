@@ -19,6 +19,10 @@ pub(super) struct Part {
     pub length: f64,
     /// Mass of one hair, kg.
     pub mass: f64,
+    /// Arc length of its middle as a share of the guide's length.
+    pub middle: f64,
+    /// Cross-section of a hair over that at the root.
+    pub section: f64,
     /// The pieces of the guide that a [`TURN`] around this one reaches, as far as there are such.
     turn: Range<usize>,
     /// The share of the turn that lies in each.
@@ -44,8 +48,10 @@ impl Part {
         let weight = &rod.weight[points.clone()];
         let length: f64 = weight.iter().sum();
         let shares = weight.iter().map(|w| w / length).collect();
-        let mass = rod.mass[points.clone()].iter().sum();
-        Part { guide, points, shares, length, mass, turn: 0..0, turn_shares: Vec::new() }
+        let mass: f64 = rod.mass[points.clone()].iter().sum();
+        let middle = 0.5 * (rod.arc[points.start] + rod.arc[points.end - 1]) / rod.length();
+        let section = mass / length * rod.weight[0] / rod.mass[0];
+        Part { guide, points, shares, length, mass, middle, section, turn: 0..0, turn_shares: Vec::new() }
     }
 
     /// Adds a force per length, N/m, and an acceleration, m/s², of the piece to the `forces`, N, on the points of its
@@ -118,6 +124,8 @@ mod tests {
             shares: vec![1.0],
             length: *length,
             mass: 1.0,
+            middle: 0.5,
+            section: 1.0,
             turn: 0..0,
             turn_shares: Vec::new(),
         };

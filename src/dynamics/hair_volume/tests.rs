@@ -1,6 +1,5 @@
 use super::*;
 use crate::contact::Bodies;
-use crate::dynamics::air_drag::HairDensity;
 use crate::dynamics::guide::{ContactMode, GuideModel, GuideScratch};
 use crate::rod::RodSource;
 use crate::scene::{Material, Tree};
@@ -34,7 +33,7 @@ fn hairs(i: usize) -> f64 {
 }
 
 /// Roots of `count` × `count` guides, `apart`, m.
-fn square(count: usize, apart: f64) -> Vec<V> {
+pub(super) fn square(count: usize, apart: f64) -> Vec<V> {
     let root = |i: usize| V::new((i / count) as f64, 0.1 * (i % 3) as f64, (i % count) as f64) * apart;
     (0..count * count).map(root).collect()
 }
@@ -45,7 +44,7 @@ fn curtain(count: usize, apart: f64) -> Curtain {
 }
 
 /// A guide that bends along x.
-fn guide(root: &V, hairs: f64, material: Material) -> GuideRod {
+pub(super) fn guide(root: &V, hairs: f64, material: Material) -> GuideRod {
     let point = |k: i32| root - V::new(0.05 * f64::from(k * k), 1.0, 0.0) * (0.01 * f64::from(k));
     let points: Vec<V> = (0..12).map(point).collect();
     let rod = crate::rod::Rod::new(&RodSource::hair(&points, &Tree::default_arc(6))).unwrap();
@@ -60,7 +59,7 @@ fn curtain_of(roots: &[V], material: &Material) -> Curtain {
     let models: Vec<GuideModel> =
         rods.iter().map(|r| GuideModel::new(r.rod.clone(), vec![0.0; r.rod.points()], 0.3)).collect();
     let states: Vec<GuideState> = models.iter().map(|m| GuideState::new(m, &[], &env, 0.0, H)).collect();
-    let volume = HairVolume::new(&rods, 1.0, &models, &states, &env, [0.0, H]);
+    let volume = HairVolume::new(&rods, &vec![1.0; rods.len()], &models, &states, &env, [0.0, H]);
     Curtain { models, states, volume, env }
 }
 
@@ -222,7 +221,7 @@ fn pulled(load: f64) -> Vec<f64> {
         for (i, (model, state)) in hair.models.iter().zip(&mut hair.states).enumerate() {
             let sign = if i % 2 == 0 { load } else { -load };
             for piece in hair.volume.first[i]..hair.volume.first[i + 1] {
-                let bound = hair.volume.assembly(piece).friction_bounds(&hair.volume.hairs[i].fibre)[0];
+                let bound = hair.volume.assembly(piece).friction_bounds(&hair.volume.hairs[piece].fibre)[0];
                 for k in hair.volume.parts[piece].points.clone() {
                     state.hair_force_mut()[k].z += sign * bound * model.rod.weight[k];
                 }
@@ -562,25 +561,25 @@ fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
     }
 }
 
+/// The pieces of tapered hair have the section, the stiffness and the friction of where they are.
 #[test]
-fn single_strands_do_not_meet() {
-    let sampling = |apart: f64, hairs: f64, guides_only: bool| {
-        let rods: Vec<GuideRod> =
-            square(5, apart).iter().map(|root| guide(root, hairs, Material::default())).collect();
-        let lines: Vec<[V; 2]> = rods.iter().map(|r| [0.0, 0.2].map(|y| r.rod.root.p - V::y() * y)).collect();
-        let density = HairDensity::new(lines.iter().map(|l| (&l[..], hairs)));
-        sampling(&rods, &density, guides_only)
-    };
-    // With strands around them; the last are so sparse that their density in cells of a centimetre does not
-    // show it.
-    assert_eq!(sampling(0.015, 1.0, false), None);
-    assert_eq!(sampling(0.07, 4.0, false), None);
-    let sample = sampling(0.015, 10.0, false);
-    assert!(sample.is_some_and(|hairs| hairs > 10.0 && hairs < 50.0), "{sample:?}");
-    assert_eq!(sampling(0.015, 1e5, false), Some(1.0));
-    // Guides alone: 200 roots of hair grow on a square centimetre.
-    let alone = sampling(0.015, 1.0, true);
-    assert!(alone.is_some_and(|hairs| (hairs - 450.0).abs() < 10.0), "{alone:?}");
-    assert_eq!(sampling(0.03, 1.0, true), None);
-    assert_eq!(sampling(0.015, 10.0, true), sample);
+fn tapered_hair_is_thin_where_it_is() {
+    let material =
+        Material { radius_at_tip: 0.1, stiffness_at_tip: 2.0, friction_at_tip: 3.0, ..Material::default() };
+    let arc = Tree::default_arc(6);
+    let taper = crate::rod::Taper { radius: 0.1, stiffness: 2.0, damping: 1.0 };
+    let line = [V::zeros(), V::x() * 0.2];
+    let rod = crate::rod::Rod::new(&RodSource { taper, ..RodSource::hair(&line, &arc) }).unwrap();
+    let model = GuideModel::new(rod.clone(), vec![0.0; rod.points()], 0.3);
+    let guide = GuideRod { guide: 0, leaf: (0, 0), hairs: 1.0, material: material.clone(), rod };
+    let (parts, _) = Part::of_guides(std::slice::from_ref(&model), 0.006);
+    for part in &parts {
+        let fibre = Hairs::new(&guide, 1.0, part).fibre;
+        let square = |k: usize| (1.0 - 0.9 * model.rod.arc[k] / model.rod.length()).powi(2);
+        let mean: f64 = part.points.clone().zip(&part.shares).map(|(k, share)| share * square(k)).sum();
+        assert!((fibre.area / (mean * material.section.area()) - 1.0).abs() < 1e-9, "{}", fibre.area);
+        assert!((fibre.modulus / material.young_modulus - (1.0 + part.middle)).abs() < 1e-12);
+        assert!((fibre.friction / material.friction.mu_k - (1.0 + 2.0 * part.middle)).abs() < 1e-12);
+    }
+    assert!(parts.last().is_some_and(|tip| tip.section < 0.03 && tip.middle > 0.95));
 }
