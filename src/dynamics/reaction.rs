@@ -1,5 +1,6 @@
 //! Reactions at what holds a guide: the clamp at its root and its ties (`docs/theory.md` §4.8).
 
+use crate::rod::contact_load::ContactLoad;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +16,7 @@ pub struct GuideReaction {
 }
 
 /// What a tie exerts on a guide at the end of a step, world axes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct TieReaction {
     /// Force, N.
     pub force: Vector3<f64>,
@@ -27,11 +28,7 @@ impl GuideReaction {
     /// No reaction at the clamp and `ties` ties.
     pub fn none(ties: usize) -> Self {
         let zero = Vector3::zeros();
-        GuideReaction {
-            force: zero,
-            moment: zero,
-            ties: vec![TieReaction { force: zero, moment: zero }; ties],
-        }
+        GuideReaction { force: zero, moment: zero, ties: vec![TieReaction::default(); ties] }
     }
 
     /// Linear between two reactions at the share `u` of the way.
@@ -45,6 +42,12 @@ impl GuideReaction {
 }
 
 impl TieReaction {
+    /// That of the tie which is this load on the guide.
+    pub(super) fn of(load: &ContactLoad) -> Self {
+        let moment = load.moment.as_ref().map_or(Vector3::zeros(), |holding| holding.moment);
+        TieReaction { force: load.force, moment }
+    }
+
     fn lerp(&self, other: &Self, u: f64) -> Self {
         let (force, moment) = (self.force.lerp(&other.force, u), self.moment.lerp(&other.moment, u));
         TieReaction { force, moment }

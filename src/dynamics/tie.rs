@@ -1,6 +1,7 @@
 //! Ties: places of guides that a body holds, and turns with it where asked (`docs/theory.md` §4.10).
 
 use super::contact_polyline::{on_rod, with_midpoints};
+use super::reaction::TieReaction;
 use crate::math::frame::any_frame;
 use crate::rod::{Rod, RodShape};
 use crate::scene::anim::{self, GuideSelection, TieOrientation, TiePoint};
@@ -21,6 +22,9 @@ const WITHIN_REACH: f64 = 0.999;
 /// Distance along the axis of a ring, m, from which a tip has left it, and within which of the axis it was in it: what a
 /// tie is off, and more.
 const OUT: f64 = 1e-5;
+/// Distance of a place from its goal, m, and angle between its frame and that of the goal, rad, at which it is there: more
+/// than the tie is off.
+const THERE: f64 = 1e-6;
 /// Share of its length by which a place may be beyond the tip for rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -75,6 +79,10 @@ pub struct ActiveTie {
     pub goal: Vector3<f64>,
     /// The material frame that its place is to have, world; `None` if it may turn.
     pub frame: Option<Matrix3<f64>>,
+    /// What it exerted at the end of the last step, world; zero if it did not hold then.
+    pub last: TieReaction,
+    /// Whether its place is at its goal throughout the step, and so moves as smoothly as the body.
+    pub steady: bool,
 }
 
 /// The place of a rod that a tie holds.
@@ -205,24 +213,28 @@ impl Tie {
             anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0)
         });
         let (segment, s) = on_rod(k, u);
-        let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
-        ActiveTie { tie: self.clone(), target, goal, frame }
+        let turned = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
+        let steady = offset.norm() < THERE
+            && (target - goal).norm() < THERE
+            && turned.is_none_or(|(_, angle)| angle < THERE);
+        let frame = turned.map(|(frame, _)| frame);
+        ActiveTie { tie: self.clone(), target, goal, frame, last: TieReaction::default(), steady }
     }
 }
 
 /// The frame at the end of a step of `h`, s, that starts with the frame `from`, world, on its way to `goal` in the
-/// rest space of a body with these poses at start and end.
+/// rest space of a body with these poses at start and end; and the angle between them at the start, rad.
 fn target_frame(
     h: f64,
     goal: &Matrix3<f64>,
     from: &Matrix3<f64>,
     poses: [Isometry3<f64>; 2],
-) -> Matrix3<f64> {
+) -> (Matrix3<f64>, f64) {
     let [start, end] = poses.map(|pose| *pose.rotation.to_rotation_matrix().matrix());
     let (goal, carried) = (end * goal, end * start.transpose() * from);
     let offset = Rotation3::from_matrix_unchecked(goal * carried.transpose());
     let rest = (1.0 - MAX_GATHER_TURN * h / offset.angle()).max(0.0);
-    if rest > 0.0 { offset.powf(-rest) * goal } else { goal }
+    (if rest > 0.0 { offset.powf(-rest) * goal } else { goal }, offset.angle())
 }
 
 /// Returns the ties of each of `rods`, from root to tip.

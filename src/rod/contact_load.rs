@@ -34,7 +34,7 @@ pub struct ContactLoad {
     pub u: f64,
     /// Force, N, world axes.
     pub force: Vector3<f64>,
-    /// Unit normal of the surface, world axes; zero if the place is not held by a surface.
+    /// Unit normal of the surface, world axes; zero if a tie holds the place.
     pub normal: Vector3<f64>,
     /// Whether the contact constrains all directions (sticking friction, attachment).
     pub sticks: bool,
@@ -45,6 +45,11 @@ pub struct ContactLoad {
 }
 
 impl ContactLoad {
+    /// Whether it is that of a tie.
+    pub fn is_of_tie(&self) -> bool {
+        self.normal == Vector3::zeros()
+    }
+
     /// The two points of the segment with their weights in the place.
     fn points(&self) -> [(usize, f64); 2] {
         [(self.segment, 1.0 - self.u), (self.segment + 1, self.u)]

@@ -138,6 +138,11 @@ impl Solver {
         self.solve(&rod.core, M3::from(*root), load, q, other)[0]
     }
 
+    /// Error of the position of a point, m, that stands for [`FORCE_TOLERANCE`] in a step of `rod` under `load`.
+    pub fn tolerated_motion(rod: &Rod, load: &Load) -> f64 {
+        rod.length() * rod.core.mass / load.inertia * FORCE_TOLERANCE
+    }
+
     /// Sizes all buffers for solves of `rod`, under a load like `load`, so that they allocate nothing.
     pub fn reserve(&mut self, rod: &Rod, load: &Load) {
         let (points, unknowns) = (rod.points(), rod.unknowns());

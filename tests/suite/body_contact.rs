@@ -237,7 +237,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     let mut state = GuideState::new(&model, &[], &env, 0.0, h);
     let goal = Vector3::new(0.04, -0.05, 0.02);
     model.ties = vec![Tie { times: [0.0, 2.0], ..Tie::new(&model.rod, 28, 0.6, goal) }];
-    let mut scratch = GuideScratch::default();
+    let (mut scratch, mut farthest) = (GuideScratch::default(), 0.0_f64);
     let away = |state: &GuideState, t: f64| {
         (tied(&model, state) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm()
     };
@@ -249,8 +249,9 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
             assert!(away(&state, t1) < 1e-7, "{t1} s: {} m away", away(&state, t1));
             assert!(record.tie_slack < 1e-7);
         }
+        farthest = farthest.max(away(&state, t1) * f64::from(u8::from(t1 > 2.0)));
     }
-    assert!(away(&state, 3.0) > 0.05, "not let go: {} m", away(&state, 3.0));
+    assert!(farthest > 0.05, "not let go: {farthest} m");
 }
 
 #[test]

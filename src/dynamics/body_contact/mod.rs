@@ -29,8 +29,12 @@ const MAX_ROUNDS: [u32; 2] = [30, 60];
 /// potential. Contacts that turn, appear or vanish every round may never converge.
 const FREEZE_ROUNDS: u32 = 5;
 
-/// Displacement of a point between rounds that counts as converged, m.
+/// Displacement of a point between rounds that counts as converged, m. A rod that ties alone hold steadily is solved as
+/// accurately as a free one ([`Solver::tolerated_motion`]).
 const MOVE_TOLERANCE: f64 = 5e-6;
+
+/// Share of the rod's length down to which a motion is told from rounding.
+const ROUNDED_MOTION: f64 = 1e-12;
 
 /// Ratio of successive displacements above which the next round's limit is halved; below it the limit
 /// doubles.
@@ -67,9 +71,9 @@ impl Convergence {
         Self { moved: f64::INFINITY, earlier: f64::INFINITY, limit: MAX_MOVE, converged: false }
     }
 
-    /// True if the last round moved less than the tolerance without being limited.
-    fn at_rest(&self) -> bool {
-        self.moved <= MOVE_TOLERANCE && (self.converged || self.moved <= LIMITED_SHARE * self.limit)
+    /// True if the last round moved less than the tolerance, m, without being limited.
+    fn at_rest(&self, tolerance: f64) -> bool {
+        self.moved <= tolerance && (self.converged || self.moved <= LIMITED_SHARE * self.limit)
     }
 
     /// Sets the displacement limit of the frozen round `round`.
@@ -101,10 +105,14 @@ impl BodyContact<'_> {
     ) -> bool {
         let mut state = Convergence::new();
         let rounds = MAX_ROUNDS[usize::from(last)];
+        let steady = !self.ties.is_empty() && self.ties.iter().all(|tie| tie.steady);
+        let of_ties = Solver::tolerated_motion(self.rod, self.load);
+        let of_ties = of_ties.clamp(ROUNDED_MOTION * self.rod.length(), MOVE_TOLERANCE);
         for round in 0..=rounds {
             scratch.detection.frozen = round >= FREEZE_ROUNDS;
             let clear = self.find(solver, contact_cache, scratch);
-            let at_rest = state.at_rest();
+            let tied = steady && scratch.detection.contacts.is_empty();
+            let at_rest = state.at_rest(if tied { of_ties } else { MOVE_TOLERANCE });
             let settled = at_rest || (free && round == 0 && self.ties.is_empty());
             let kept = scratch.detection.worst >= -GAP_TOLERANCE;
             // At rest a contact is as deep as the law has it.
@@ -124,7 +132,9 @@ impl BodyContact<'_> {
                     scratch.stats.residual = self.residual(q, solver, scratch);
                 }
                 let accurate = scratch.stats.residual <= HALVED_RESIDUAL;
-                return taken && (settled && accurate || last);
+                let accepted = taken && (settled && accurate || last);
+                scratch.stats.steady_ties = accepted && steady;
+                return accepted;
             }
             scratch.stats.rounds = round + 1;
             if !self.solve_round(free, q, solver, scratch) {

@@ -13,13 +13,17 @@ pub(in crate::dynamics) struct ContactStats {
     penetration: f64,
     slack: f64,
     pub(super) unsettled: bool,
+    /// Whether ties hold places that are at their goals throughout the step ([`ActiveTie::steady`]).
+    ///
+    /// [`ActiveTie::steady`]: crate::dynamics::tie::ActiveTie::steady
+    pub(super) steady_ties: bool,
     pub(in crate::dynamics) crossed: bool,
 }
 
 impl ContactStats {
-    /// True if contacts or ties changed the step.
+    /// True if contacts changed the step, or ties that made its motion less smooth.
     pub(in crate::dynamics) fn touched(&self) -> bool {
-        self.rounds > 0
+        self.rounds > 0 && !(self.steady_ties && self.active == 0)
     }
 
     /// Sets the counts, the penetration and the largest distance `slack` of a tied place from its goal, m, from

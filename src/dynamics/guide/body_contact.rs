@@ -8,6 +8,7 @@ use crate::dynamics::body_contact::{BodyContact, BodyContactScratch};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::pinch::{Pinch, SEARCH_RADIUS, approaches};
+use crate::dynamics::reaction::TieReaction;
 use crate::dynamics::tie::Anchor;
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
@@ -100,6 +101,12 @@ impl GuideModel {
             }
             active
         }));
+        let last = state.contact_loads.iter().filter(|load| load.is_of_tie());
+        if last.clone().count() == inputs.ties.len() {
+            inputs.ties.iter_mut().zip(last).for_each(|(tie, load)| tie.last = TieReaction::of(load));
+        } else {
+            inputs.ties.iter_mut().for_each(|tie| tie.steady = false);
+        }
         inputs.motions.clear();
         inputs.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
             times: [t0, t1],

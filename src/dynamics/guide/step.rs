@@ -122,14 +122,14 @@ impl GuideModel {
             }
             if self.solve_from_contact(env, state, &root, [t0, t1], scratch) {
                 (clear, outcome.converged) = (true, true);
-                break;
+            } else {
+                scratch.contact.clear();
+                if turned {
+                    scratch.contact.reactions.contact_loads.clone_from(&state.contact_loads);
+                }
+                clear = outcome.converged
+                    && self.resolve_contact(env, state, &root, [t0, t1], (true, last), scratch);
             }
-            scratch.contact.clear();
-            if turned {
-                scratch.contact.reactions.contact_loads.clone_from(&state.contact_loads);
-            }
-            clear =
-                outcome.converged && self.resolve_contact(env, state, &root, [t0, t1], (true, last), scratch);
             // A contact stops a motion within one step; a formula that looks further back would throw it
             // back.
             if !(formula.looks_back() && scratch.contact.stats.touched()) {
