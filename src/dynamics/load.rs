@@ -28,8 +28,8 @@ impl GuideLoad {
     pub fn new(rod: &Rod, load: &anim::Load) -> Option<Self> {
         let length = rod.length();
         let mut shares = match load.place {
-            LoadPlace::Arc(arc) if arc > length => return None,
-            LoadPlace::Arc(arc) => at(rod, arc),
+            LoadPlace::Arc(arc) if arc > length * (1.0 + tie::ROUNDING) => return None,
+            LoadPlace::Arc(arc) => at(rod, arc.min(length)),
             LoadPlace::Share(share) => at(rod, share * length),
             LoadPlace::Span([from, _]) if from >= length => return None,
             LoadPlace::Span(span) => over(rod, span),

@@ -26,7 +26,7 @@ const OUT: f64 = 1e-5;
 /// than the tie is off.
 const THERE: f64 = 1e-6;
 /// Share of its length by which a place may be beyond the tip for rounding.
-const ROUNDING: f64 = 1e-6;
+pub(super) const ROUNDING: f64 = 1e-6;
 
 /// A held point of a guide.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,6 +11,7 @@ use super::groom::model::Groom;
 use super::groom::read as groom_reader;
 use super::json::document::Document;
 use super::json::key::Key;
+use super::json::locate;
 use super::json::pretty::pretty;
 use super::json::schema::schema_of;
 use super::load_options::LoadOptions;
@@ -18,7 +19,11 @@ use super::placement;
 use super::skin;
 use crate::error::{Diagnostic, Error, Result};
 use crate::math::polyline;
+use nalgebra::Vector3;
 use std::path::Path;
+
+/// Share of the length by which a place may be beyond a tip for rounding.
+const ROUNDING: f64 = 1e-6;
 
 /// Loads and checks a groom.
 ///
@@ -58,9 +63,7 @@ pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Gr
     let loaded_anim = anim_document.and_then(read_anim);
     match (loaded_groom, loaded_anim) {
         (Ok(mut loaded_groom), Ok(mut loaded_anim)) => {
-            let mut diagnostics = check_selections(&loaded_groom, &loaded_anim, anim);
-            diagnostics.extend(place(&mut loaded_groom, &mut loaded_anim, anim));
-            Error::if_any(diagnostics)?;
+            Error::if_any(compare(&mut loaded_groom, &mut loaded_anim, [groom, anim]))?;
             Ok((loaded_groom, loaded_anim))
         }
         (Err(Error::BadInput(mut diagnostics)), Err(Error::BadInput(others))) => {
@@ -69,6 +72,16 @@ pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Gr
         }
         (Err(e), _) | (_, Err(e)) => Err(e),
     }
+}
+
+/// Compares `groom` and `anim`, read from these files, binds the roots to their skins, and matches the goals.
+fn compare(groom: &mut Groom, anim: &mut Anim, [groom_file, anim_file]: [&Path; 2]) -> Vec<Diagnostic> {
+    let mut diagnostics = check_selections(groom, anim, anim_file);
+    diagnostics.extend(place(groom, anim, anim_file));
+    if !diagnostics.is_empty() {
+        [groom_file, anim_file].iter().for_each(|file| locate::find(file, &mut diagnostics));
+    }
+    diagnostics
 }
 
 /// Compares the spaces of `groom` and `anim`, read from `file`, binds the roots to their skins, and
@@ -146,6 +159,13 @@ fn check_selections(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> 
             let allowed = format!("a group of the groom: \"{}\"", names.join("\", \""));
             report("group", message, allowed, "correct the name");
         }
+        if let Some(ball) = guides.within
+            && !curves_near(groom, guides, ball)
+        {
+            let message = format!("no guide comes within {:.4} m of there", ball.1);
+            let allowed = "a ball that guides of the groom enter as they are drawn".into();
+            report("within", message, allowed, "move it, or make it larger");
+        }
     }
     diagnostics.extend(places_beyond_tips(groom, anim, file));
     diagnostics
@@ -171,13 +191,22 @@ fn places_beyond_tips(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic
         let chosen = (0..curves.len()).filter(|&guide| names(guides, groom, guide));
         let longest = chosen.map(length).fold(0.0, f64::max);
         // That the names are wrong is an error of its own.
-        (longest > 0.0 && from > longest).then(|| {
+        (longest > 0.0 && from > longest * (1.0 + ROUNDING)).then(|| {
             let message = format!("{from} m is beyond the tips of all guides that it names");
             let allowed = format!("up to {longest:.4} m, the length of the longest of them");
             Diagnostic::new(file, key, message, allowed, "correct it, or name longer guides")
         })
     };
     ties.chain(loads).filter_map(beyond).collect()
+}
+
+/// True if a guide that `guides` names comes within the ball of this centre and radius, m, or if it names none.
+fn curves_near(groom: &Groom, guides: &GuideSelection, (centre, radius): (Vector3<f64>, f64)) -> bool {
+    let curves = &groom.guides.curves;
+    let mut chosen = (0..curves.len()).filter(|&guide| names(guides, groom, guide)).peekable();
+    // That the names are wrong is an error of its own. Rods are some micrometres off what is drawn.
+    chosen.peek().is_none()
+        || chosen.any(|guide| polyline::distance(&centre, curves.curve(guide)) <= 1.01 * radius)
 }
 
 /// True if the ids and the group of `guides` are those of a guide.
@@ -196,16 +225,16 @@ pub fn check(paths: &[&Path]) -> Result<Vec<Diagnostic>> {
     let (mut diagnostics, mut grooms, mut anims) = (Vec::new(), Vec::new(), Vec::new());
     for path in paths {
         match Document::open(path).and_then(|doc| read_any(doc, path)) {
-            Ok(Checked::Groom(groom)) => grooms.push(groom),
+            Ok(Checked::Groom(groom)) => grooms.push((groom, *path)),
             Ok(Checked::Anim(anim)) => anims.push((anim, *path)),
             Err(Error::BadInput(found)) => diagnostics.extend(found),
             Err(e) => return Err(e),
         }
     }
     if diagnostics.is_empty() {
-        for (anim, path) in &anims {
-            for groom in &grooms {
-                diagnostics.extend(place(&mut groom.clone(), &mut anim.clone(), path));
+        for (anim, anim_file) in &anims {
+            for (groom, groom_file) in &grooms {
+                diagnostics.extend(compare(&mut groom.clone(), &mut anim.clone(), [groom_file, anim_file]));
             }
         }
     }

@@ -108,16 +108,7 @@ impl Override {
             "anim" => Format::Anim,
             _ => return Err(syntax()),
         };
-        let mut key = Key::default();
-        for part in path.split('.') {
-            let mut indices = part.split('[');
-            let name = indices.next().filter(|name| !name.is_empty()).ok_or_else(syntax)?;
-            key.0.push(Step::Name(name.into()));
-            for index in indices {
-                let index = index.strip_suffix(']').and_then(|i| i.parse().ok()).ok_or_else(syntax)?;
-                key.0.push(Step::Index(index));
-            }
-        }
+        let mut key = Key::parse(path).ok_or_else(syntax)?;
         former_names::update_key(&mut key);
         let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
         Ok(Override { format, key, value })

@@ -427,7 +427,8 @@ pub enum ShapeFile {
 pub enum KeyframesFile {
     /// A constant.
     Constant([f64; 3]),
-    /// Keyframes, interpolated smoothly without overshoot; constant before the first and after the last.
+    /// Keyframes: wind and gravity are smooth between them, without overshoot, forces and moments linear; constant before
+    /// the first and after the last.
     Keys {
         /// Frames of the keys, increasing; may be fractional.
         frames: Vec<f64>,

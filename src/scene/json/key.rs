@@ -21,6 +21,20 @@ impl Key {
         Key(path.split('.').map(|name| Step::Name(name.into())).collect())
     }
 
+    /// The place that is displayed as `text`; `None` if none is.
+    pub fn parse(text: &str) -> Option<Self> {
+        let mut key = Key::default();
+        for part in text.split('.') {
+            let mut indices = part.split('[');
+            let name = indices.next().filter(|name| !name.is_empty())?;
+            key.0.push(Step::Name(name.into()));
+            for index in indices {
+                key.0.push(Step::Index(index.strip_suffix(']')?.parse().ok()?));
+            }
+        }
+        Some(key)
+    }
+
     /// The property `name` of this place.
     pub fn name(&self, name: &str) -> Self {
         self.with(Step::Name(name.into()))

@@ -22,6 +22,17 @@ pub fn place(file: &Path, text: &[u8], unplaced: Vec<Unplaced>) -> Vec<Diagnosti
     unplaced.into_iter().map(place).collect()
 }
 
+/// Finds the places of `diagnostics` in `file`, which has text, where they have a key but no place yet.
+pub fn find(file: &Path, diagnostics: &mut [Diagnostic]) {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let parsed = jsonc_parser::parse_to_ast(&text, &Default::default(), &Default::default());
+    let Some(root) = parsed.ok().and_then(|parsed| parsed.value) else { return };
+    for diagnostic in diagnostics.iter_mut().filter(|d| d.file == file && d.span.is_none()) {
+        let key = Key::parse(&diagnostic.key);
+        diagnostic.span = key.map(|key| first_line(&text, span(&root, &key)));
+    }
+}
+
 /// Byte range of the value at `key`, with its name. If there is no such value: of the name or bracket that
 /// opens the innermost value on the way to it.
 fn span(root: &ast::Value, key: &Key) -> (usize, usize) {

@@ -12,7 +12,7 @@ pub mod diagnostics;
 pub mod document;
 pub mod former_names;
 pub mod key;
-mod locate;
+pub mod locate;
 pub mod packer;
 mod parse;
 pub mod pretty;

@@ -47,13 +47,18 @@ impl Context<'_> {
         found
     }
 
-    /// The guides that these keys select.
+    /// The guides that these keys of `key` select.
     pub fn selection(
-        &self,
+        &mut self,
+        key: &Key,
         ids: Option<Vec<i32>>,
         group: Option<String>,
         within: Option<BallFile>,
     ) -> GuideSelection {
+        if ids.as_ref().is_some_and(Vec::is_empty) {
+            let help = "name guides, or leave it out for all";
+            self.diagnostics.add(&key.name("ids"), "is empty", "at least one id of a guide", help);
+        }
         let ball = |BallFile { centre, radius }| {
             (self.convention.length_in(centre.into()), radius * self.convention.metres_per_unit)
         };

@@ -8,6 +8,9 @@ use crate::scene::json::key::Key;
 use crate::scene::keyframes::Keyframes;
 use nalgebra::Vector3;
 
+/// Largest force, N, or moment, N·m, on a hair: a thousand times what breaks one.
+const LARGEST: f64 = 1e3;
+
 /// The loads; `None` for those with errors.
 pub fn loads(context: &mut Context, files: Vec<LoadFile>) -> Vec<Option<Load>> {
     let names: Vec<String> = files.iter().map(|file| file.name.clone()).collect();
@@ -25,7 +28,7 @@ pub fn loads(context: &mut Context, files: Vec<LoadFile>) -> Vec<Option<Load>> {
             None => Some(Keyframes::constant(Vector3::zeros())),
         };
         let (force, moment) = (over_time("force_n", file.force_n), over_time("moment_n_m", file.moment_n_m));
-        let guides = context.selection(file.ids, file.group, file.within);
+        let guides = context.selection(&key, file.ids, file.group, file.within);
         Some(Load { name: file.name, guides, place: place?, force: force?, moment: moment?, axes })
     };
     files.into_iter().enumerate().map(load).collect()
@@ -33,10 +36,18 @@ pub fn loads(context: &mut Context, files: Vec<LoadFile>) -> Vec<Option<Load>> {
 
 /// The force or moment at `key`.
 fn vector(context: &mut Context, key: &Key, file: KeyframesFile, axes: LoadAxes) -> Option<Keyframes> {
-    match axes {
+    let keys = match axes {
         LoadAxes::World => keyframes::keyframes(context, key, file),
         LoadAxes::Material => keyframes::vectors(context, key, file, |v| v),
+    }?;
+    let largest = keys.values.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    if largest <= LARGEST {
+        return Some(keys);
     }
+    let message = format!("{largest:e} is more than any hair bears");
+    let allowed = format!("up to {LARGEST}; a hair of 20 cm weighs 1.3e-5 N");
+    context.diagnostics.add(key, message, allowed, "correct the value, which is in N or N·m on each hair");
+    None
 }
 
 /// Where the load at `key` acts.

@@ -37,6 +37,11 @@ pub fn ties(
                 TieOrientation::Frame(Matrix3::from_columns(&[0, 1, 2].map(in_metres)))
             }
         };
+        if file.radius != 0.0 && file.at.is_none() {
+            let allowed = "together with `at`, the place where the hair is gathered";
+            let help = "add `at`, or remove it";
+            context.diagnostics.add(&key.name("radius"), "is given without `at`", allowed, help);
+        }
         if file.releases && !file.slides {
             let allowed = "together with `slides`: no strand slides out of what holds one place of it";
             context.diagnostics.add(
@@ -55,7 +60,7 @@ pub fn ties(
         Some(Tie {
             name: file.name,
             body: body?,
-            guides: context.selection(file.ids, file.group, file.within),
+            guides: context.selection(&key, file.ids, file.group, file.within),
             point,
             bundle: file.at.map(|at| ball(at, file.radius)),
             orientation,
