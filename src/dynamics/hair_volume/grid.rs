@@ -18,11 +18,14 @@ pub(super) const MAX_BLOCKS: usize = 1 << 20;
 const ABSENT: u32 = u32::MAX;
 
 /// Values at a node.
-pub(super) type Node = [f64; 8];
+pub(super) type Node = [f64; ENTRIES];
 
-/// A node that lies in one line of the processor's cache.
+/// Number of values at a node.
+pub(super) const ENTRIES: usize = 11;
+
+/// A node in a line and a half of the processor's cache.
 #[derive(Debug, Clone, Copy, Default)]
-#[repr(align(64))]
+#[repr(align(32))]
 struct Aligned(Node);
 
 /// Nodes near the points of one sub-step.
@@ -184,13 +187,19 @@ impl Grid {
 
     /// The values at the point of a stencil.
     pub fn values(&self, stencil: &Stencil) -> Node {
-        let mut values = [0.0; 8];
+        let mut values = [0.0; ENTRIES];
         stencil.for_each(|node, weight| {
             for (sum, value) in values.iter_mut().zip(&self.nodes[node].0) {
                 *sum += weight * value;
             }
         });
         values
+    }
+
+    /// Calls `then` with the weights and the values of the nodes of a stencil.
+    #[inline(always)]
+    pub fn for_each(&self, stencil: &Stencil, mut then: impl FnMut(f64, &Node)) {
+        stencil.for_each(|node, weight| then(weight, &self.nodes[node].0));
     }
 
     /// The gradient of `value` of the nodes at the point of a stencil, per m.
@@ -322,7 +331,7 @@ mod tests {
             grid.add_entry(&stencils, ENTRY, &values[..count]);
             for (i, x) in points[..count].iter().enumerate().filter(|(_, x)| grid.contains(x)) {
                 // Σ over nodes of N(x) Σ over points of N(y) value.
-                let mut expected = [0.0; 8];
+                let mut expected = [0.0; ENTRIES];
                 let lowest = x.map(|x| (x / spacing).round() - 1.0);
                 for node in 0..27 {
                     let offset = Vector3::new((node / 9) as f64, (node / 3 % 3) as f64, (node % 3) as f64);

@@ -14,6 +14,7 @@ mod part;
 mod piece;
 mod record;
 mod sampling;
+mod spin;
 #[cfg(test)]
 mod tests;
 
@@ -36,6 +37,7 @@ use rayon::prelude::*;
 use sampling::root_spacing;
 pub(super) use sampling::sampling;
 use serde::{Deserialize, Serialize};
+use spin::RigidMotion;
 use std::ops::Range;
 
 /// Smallest distance between nodes of the grid, m.
@@ -151,9 +153,12 @@ struct Moved {
     acceleration: Vector3<f64>,
 }
 
-/// Entry of a node for φ, and for the sum of φ u′, Pa. Between them are φ v and φ times the tangent.
+/// Entries of a node: for φ; from which on for φ v, for φ times the tangent, and for φ x; and for the sum of φ u′, Pa.
 const FRACTION: usize = 0;
+const VELOCITY: usize = 1;
+const TANGENT: usize = 4;
 const PRESSURE: usize = 7;
+const PLACE: usize = 8;
 
 impl HairVolume {
     /// The hair of guides with the rods `rods`, whose `states` are the groom's pose at time `t`, s. Each hair
@@ -394,8 +399,8 @@ impl HairVolume {
             piece.undragged = formula.y_star([piece.v, one, two, three]) + piece.acceleration * piece.eta;
             *stencil = grid.stencil(&piece.x);
             let fraction = piece.volume / cell_volume;
-            let (v, d) = (piece.undragged * fraction, piece.tangent * fraction);
-            *deposit = [fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0];
+            let [v, d, x] = [piece.undragged, piece.tangent, piece.x].map(|of| of * fraction);
+            *deposit = [fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0, x.x, x.y, x.z];
         });
         grid.make_blocks(stencils);
         grid.sum(stencils, deposits);
@@ -412,11 +417,10 @@ impl HairVolume {
             |((piece, deposit), ((((part, hairs), rest), stencil), axis))| {
                 let values = grid.values(stencil);
                 let assembly = assembly(&values);
-                let mean = Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
                 piece.energy_slope = assembly.energy_slope(&hairs.fibre, rest.fraction, max_speed);
                 piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(&hairs.fibre) > max_speed;
                 piece.fraction = assembly.fraction;
-                let mut slip = piece.undragged - mean;
+                let mut slip = piece.undragged - RigidMotion::around(grid, stencil, &values).at(&piece.x);
                 let mobility = piece.eta * part.length / part.mass;
                 let mut resistance = hairs.resistance(&assembly, mobility);
                 let [friction, air] = [resistance.friction[0], resistance.drag[0]].map(|of| of / piece.eta);
@@ -537,7 +541,7 @@ fn assembly(values: &Node) -> Assembly {
 
 /// φ times the mean tangent, of a node or of the values at a place.
 fn direction(values: &Node) -> Vector3<f64> {
-    Vector3::new(values[4], values[5], values[6])
+    Vector3::new(values[TANGENT], values[TANGENT + 1], values[TANGENT + 2])
 }
 
 /// The box, in head space, m, that hair which is held cannot leave: no point is farther from its root than the guide is

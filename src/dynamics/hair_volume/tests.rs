@@ -399,6 +399,15 @@ fn crowding_and_slip_are_recorded() {
 }
 
 #[test]
+fn hair_that_turns_as_a_whole_against_the_head_is_not_braked() {
+    let mut hair = curtain(6, 0.004);
+    hair.set(|_, x| (*x, V::new(0.3, 0.1, 0.0) + V::new(1.0, -5.0, 3.0).cross(x)));
+    let largest = hair.forces().iter().flatten().map(|f| f.norm()).fold(0.0, f64::max);
+    let weight = hair.models[0].rod.mass.iter().sum::<f64>() * 9.81;
+    assert!(largest < 1e-9 * weight, "{largest} {weight}");
+}
+
+#[test]
 fn the_air_between_hairs_moves_with_them() {
     let material = Material { shielding: 0.9, ..frictionless() };
     let mut hair = curtain_of(&square(6, 0.004), &material);
@@ -411,7 +420,8 @@ fn the_air_between_hairs_moves_with_them() {
     for (i, forces) in forces.iter().enumerate() {
         for piece in volume.first[i]..volume.first[i + 1] {
             let values = volume.grid.values(&volume.stencils[piece]);
-            let slip = volume.pieces[piece].v.z - values[3] / values[FRACTION];
+            let around = RigidMotion::around(&volume.grid, &volume.stencils[piece], &values);
+            let slip = volume.pieces[piece].v.z - around.at(&volume.pieces[piece].x).z;
             // The drag of an isolated hair, N·s/m², as far as this hair takes it away from that against the
             // wind.
             let length_density = values[FRACTION] / (PI * 4e-5 * 4e-5);

@@ -86,7 +86,7 @@ fn sub_steps_are_halved_until_contacts_converge() {
     };
     assert_eq!(totals(0), 0);
     // Storms press the hair into the head, at one sub-step per frame.
-    assert!([60, 70, 75, 90].into_iter().all(|wind| totals(wind) > 0));
+    assert!([60, 80, 90, 100].into_iter().all(|wind| totals(wind) > 0));
 }
 
 #[test]
