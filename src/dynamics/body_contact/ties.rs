@@ -116,7 +116,7 @@ impl TieSystem {
             return;
         }
         let (n, length, own_force) = (rod.unknowns(), rod.length(), rod.own_force());
-        let first = self.loads.is_empty();
+        let first = self.loads.len() != ties.len();
         let TieSystem { places, rows, off, compliance, before, loads, .. } = self;
         for (i, tie) in ties.iter().enumerate() {
             let place = tie.held(x);

@@ -430,7 +430,7 @@ fn swings_of_a_loop(h: f64, steps: u32) -> Vec<f64> {
 
 #[test]
 fn a_tied_rod_swings_on_by_the_scheme_of_a_free_one() {
-    // Some 1.9 Hz. The greatest swing of the second second; with backward Euler a fifth of it is left.
+    // Some 1.9 Hz. The greatest swing of the second second; with backward Euler 0.39, 0.62 and 0.79 of it are left.
     let greatest = |rate: u32| {
         let swings = swings_of_a_loop(1.0 / f64::from(rate), 2 * rate);
         swings[rate as usize..].iter().fold(0.0, |a: f64, z| a.max(z.abs()))

@@ -8,8 +8,8 @@ use crate::scene::json::key::Key;
 use crate::scene::keyframes::Keyframes;
 use nalgebra::Vector3;
 
-/// Largest force, N, or moment, N·m, on a hair: a thousand times what breaks one.
-const LARGEST: f64 = 1e3;
+/// Largest force, N, or moment, N·m, on a rod: more than one of steel of the largest radius, 5 cm, bears.
+const LARGEST: f64 = 1e7;
 
 /// The loads; `None` for those with errors.
 pub fn loads(context: &mut Context, files: Vec<LoadFile>) -> Vec<Option<Load>> {
@@ -44,8 +44,8 @@ fn vector(context: &mut Context, key: &Key, file: KeyframesFile, axes: LoadAxes)
     if largest <= LARGEST {
         return Some(keys);
     }
-    let message = format!("{largest:e} is more than any hair bears");
-    let allowed = format!("up to {LARGEST}; a hair of 20 cm weighs 1.3e-5 N");
+    let message = format!("{largest:e} is more than any rod bears");
+    let allowed = format!("up to {LARGEST:e}; a hair of 20 cm weighs 1.3e-5 N");
     context.diagnostics.add(key, message, allowed, "correct the value, which is in N or N·m on each hair");
     None
 }
