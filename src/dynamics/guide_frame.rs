@@ -2,8 +2,7 @@
 
 use super::guide::{GuideModel, GuideState};
 use super::reaction::GuideReaction;
-use crate::math::cholesky;
-use crate::rod::{Rod, RodShape, Sensitivity};
+use crate::rod::{PlaceVelocity, RateFit, Rod, RodShape};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -129,10 +128,6 @@ const BESIDE: f64 = 0.01;
 /// more.
 const FITTED_POINTS: usize = 3;
 
-/// Damping of the change of the rates of the unknowns, as a share of the mean diagonal of the normal
-/// equations that the points give.
-const DAMPING: f64 = 1e-6;
-
 /// Buffers of [`MovingGuide::new`].
 #[derive(Debug, Default)]
 pub struct RateScratch {
@@ -140,13 +135,7 @@ pub struct RateScratch {
     /// The fitted points, each followed by the one beside it, at the five times of the differences, m, relative to the
     /// root.
     places: [Vec<Vector3<f64>>; 5],
-    sensitivity: Sensitivity,
-    /// Velocity, m per frame, and angular velocity, rad per frame, of the points at the rates that are corrected.
-    velocities: Vec<(Vector3<f64>, Vector3<f64>)>,
-    /// Normal equations of the fit: matrix, right-hand side, then solution, and a row of the Jacobian.
-    normal: Vec<f64>,
-    change: Vec<f64>,
-    row: Vec<f64>,
+    fit: RateFit,
 }
 
 impl MovingGuide {
@@ -237,7 +226,7 @@ fn fit(
     differences: &Differences,
     scratch: &mut RateScratch,
 ) -> bool {
-    let RateScratch { shape, places, sensitivity, velocities, normal, change, row } = scratch;
+    let RateScratch { shape, places, fit } = scratch;
     // The frame last: its shape is used below.
     for i in [0, 1, 3, 4, 2] {
         shape.update(rod, &rod.root.r, &q[i]);
@@ -248,43 +237,17 @@ fn fit(
         }));
     }
     let mut limited = 0.0_f64;
-    sensitivity.update(rod, shape, &q[2]);
-    velocities.clear();
-    velocities.extend(shape.velocities(rod, &q[2], rate));
-    let n = rate.len();
-    for (of, numbers) in [(&mut *normal, n * n), (&mut *change, n), (&mut *row, n)] {
-        of.clear();
-        of.resize(numbers, 0.0);
-    }
-    for (fitted, (k, weight)) in fitted_points(rod).enumerate() {
+    fit.clear();
+    for (fitted, (point, weight)) in fitted_points(rod).enumerate() {
         for place in [2 * fitted, 2 * fitted + 1] {
             let places = places.each_ref().map(|places| places[place]);
-            let x = places[2];
-            let (velocity, beyond) = velocity_in_head(&places.map(|x| rod.root.p + x), head, differences);
-            let (v, spin) = velocities[k];
-            let missing = velocity - (v + spin.cross(&(x - shape.x(k))));
+            let in_world = places.map(|x| rod.root.p + x);
+            let (velocity, beyond) = velocity_in_head(&in_world, head, differences);
             limited = limited.max(beyond);
-            for axis in 0..3 {
-                row.fill(0.0);
-                sensitivity.add_row(k, &x, &Vector3::ith(axis, 1.0), 1.0, row);
-                for (i, a) in row.iter().enumerate() {
-                    let a = a * weight;
-                    change[i] += a * missing[axis];
-                    normal[i * n..=i * n + i].iter_mut().zip(&*row).for_each(|(sum, b)| *sum += a * b);
-                }
-            }
+            fit.add(PlaceVelocity { point, x: places[2], velocity, weight });
         }
     }
-    let trace: f64 = (0..n).map(|i| normal[i * n + i]).sum();
-    // Of the unknowns of a free root, which have other units, and of the strains beside them, each has its own.
-    let diagonal = |own: f64| if rod.is_free() { own } else { trace / n as f64 };
-    (0..n).for_each(|i| normal[i * n + i] += DAMPING * diagonal(normal[i * n + i]));
-    if cholesky::factor(normal, n) != 1 {
-        return false;
-    }
-    cholesky::solve(normal, n, change);
-    rate.iter_mut().zip(&*change).for_each(|(rate, change)| *rate += change);
-    limited <= NOTABLE
+    fit.correct(rod, shape, &q[2], rate) && limited <= NOTABLE
 }
 
 /// Velocity relative to the head, m per frame, in rest space, of a point with these places, m, in rest space

@@ -1,4 +1,4 @@
-//! Elimination of the Hessian's unknowns from tip to root in O(n), of a clamped rod (`docs/theory.md` §4.5).
+//! Elimination of the Hessian's unknowns from tip to root in O(n) (`docs/theory.md` §4.5).
 //!
 //! What is upstream of an element acts on it by a twist t alone, which has six numbers. With all nodes after node i
 //! eliminated, the quadratic form of the rest is ½ tᵀ A t + tᵀ C qᵢ + ½ qᵢᵀ D qᵢ, where t is the twist upstream of the
@@ -6,8 +6,8 @@
 
 #![allow(clippy::needless_range_loop)] // Several arrays share one index.
 
-use super::hessian::{Assembly, ElementBlock, sweep};
-use super::potential::Load;
+use super::hessian::{Acting, Assembly, ElementBlock, Response, sweep};
+use super::joint::RootJoint;
 use super::segment::RodCore;
 use super::sensitivity::Sensitivity;
 use super::shape::RodShape;
@@ -57,9 +57,9 @@ impl<F: Real> TwistForm<F> {
 }
 
 /// Eliminates the unknowns as the sweep finds the Hessian.
-struct Elimination<'a, F> {
+struct Elimination<'a, F, L> {
     core: &'a RodCore<F>,
-    load: &'a Load<F>,
+    load: &'a L,
     total: &'a [Twist<F>],
     factor: &'a mut BlockFactor<F>,
     /// Lanes in which all pivots so far are positive definite.
@@ -69,18 +69,7 @@ struct Elimination<'a, F> {
     d: [[F; 3]; 3],
 }
 
-impl<F: Real> Elimination<'_, F> {
-    /// What elasticity, damping and springs on the unknowns give on the diagonal of unknown `a`.
-    #[inline(always)]
-    fn held(&self, a: usize) -> F {
-        let elastic = self.core.stiffness[a % 3] * self.load.hat[a / 3][0];
-        // No closure in a kernel: compiled out of line, it would lose the target features of the dispatch.
-        match self.load.holds.get(a) {
-            Some(hold) => elastic + hold.stiffness,
-            None => elastic,
-        }
-    }
-
+impl<F: Real, L: Acting<F>> Elimination<'_, F, L> {
     /// Replaces `d` by its factor.
     #[inline(always)]
     fn factor_pivot(&mut self) {
@@ -129,9 +118,45 @@ impl<F: Real> Elimination<'_, F> {
         self.factor.nodes[i] = NodeFactor { pivot: self.d, twist, node, total };
         (twist, node)
     }
+
+    /// Eliminates the joint of a root, where everything downstream has the response `response`; the nodes have been.
+    #[inline(always)]
+    fn eliminate_joint(&mut self, response: &Response<F>) {
+        let (blocks, zero) = (self.core.joint.blocks(), self.d[0][0].same(0.0));
+        let none = [Twist::none(zero); 3];
+        let mut joint = [[zero; 6]; 6];
+        for k in 0..3 * blocks {
+            let to = response.to(&self.total[k]) + self.a.times(&self.total[k]);
+            for j in k..3 * blocks {
+                joint[j][k] = self.total[j].dot(&to);
+            }
+            joint[k][k] += self.load.on_unknown(self.core, k);
+        }
+        // The first node feels the joint before it as it feels a twist.
+        if let Some(before) = blocks.checked_sub(1) {
+            let node = &mut self.factor.nodes[blocks];
+            for (j, k) in (0..9).map(|at| (at / 3, at % 3)) {
+                node.node[j][k] = node.twist[j].dot(&self.total[3 * before + k]);
+            }
+        }
+        let mut node = [[zero; 3]; 3];
+        for block in (0..blocks).rev() {
+            let mut before = [[zero; 3]; 3];
+            for (j, k) in (0..9).map(|at| (at / 3, at % 3)) {
+                self.d[j][k] = joint[3 * block + j][3 * block + k];
+                for of_next in &node {
+                    self.d[j][k] -= of_next[j] * of_next[k];
+                }
+                if block > 0 {
+                    before[j][k] = joint[3 * block + j][k];
+                }
+            }
+            (_, node) = self.eliminate(block, none, before);
+        }
+    }
 }
 
-impl<F: Real> Assembly<F> for Elimination<'_, F> {
+impl<F: Real, L: Acting<F>> Assembly<F> for Elimination<'_, F, L> {
     #[inline(always)]
     fn add_element(&mut self, first: usize, live: usize, block: &ElementBlock<F>) {
         let i = first / 3;
@@ -145,12 +170,12 @@ impl<F: Real> Assembly<F> for Elimination<'_, F> {
                 for k in 0..=j {
                     self.d[j][k] += block.entry(3 + j, 3 + k);
                 }
-                self.d[j][j] += self.held(first + 3 + j);
+                self.d[j][j] += self.load.on_unknown(self.core, first + 3 + j);
                 x[j] = c[j] + block.response[3 + j];
                 for k in 0..3 {
                     y[j][k] = s[k].dot(&c[j]) + block.entry(3 + j, k);
                 }
-                y[j][j] += self.core.stiffness[j] * self.load.hat[i][1];
+                y[j][j] += self.load.on_neighbours(self.core, i, j);
             }
             (twist, node) = self.eliminate(i + 1, x, y);
         }
@@ -172,9 +197,9 @@ impl<F: Real> Assembly<F> for Elimination<'_, F> {
         for t in &twist {
             self.a.subtract(t);
         }
-        if i == 0 {
+        if i == self.core.joint.blocks() {
             for c in 0..3 {
-                self.d[c][c] += self.held(first + c);
+                self.d[c][c] += self.load.on_unknown(self.core, first + c);
             }
             let (twist, _) = self.eliminate(i, self.c, [[zero; 3]; 3]);
             for t in &twist {
@@ -201,13 +226,14 @@ impl<F: Real> BlockFactor<F> {
         self.nodes.resize(core.hat.len(), node);
     }
 
-    /// Sets it to the factor of the Hessian of Φ, as [`hessian`](super::hessian::hessian) finds it. Returns the lanes
-    /// in which that is positive definite; the factor is invalid in the others.
+    /// Sets it to the factor of the Hessian, as [`hessian`](super::hessian::hessian) finds that of Φ; of a root that
+    /// turns where `geometric` is 0. Returns the lanes in which that is positive definite; the factor is invalid in the
+    /// others.
     #[inline(always)]
     pub fn set(
         &mut self,
         core: &RodCore<F>,
-        load: &Load<F>,
+        load: &impl Acting<F>,
         shape: &RodShape<F>,
         sensitivity: &Sensitivity<F>,
         wrench: &[Twist<F>],
@@ -226,7 +252,13 @@ impl<F: Real> BlockFactor<F> {
             c: [Twist::none(zero); 3],
             d: [[zero; 3]; 3],
         };
-        sweep(core, load, shape, sensitivity, wrench, geometric, &mut elimination);
+        let mut downstream = sweep(core, load, shape, sensitivity, wrench, geometric, &mut elimination);
+        if core.joint != RootJoint::Clamped {
+            if core.joint == RootJoint::Free {
+                load.add_point(0, core, shape, &mut downstream);
+            }
+            elimination.eliminate_joint(&downstream.response(geometric));
+        }
         elimination.positive
     }
 

@@ -59,8 +59,9 @@ impl<F: Real> Composite<F> {
         }
     }
 
+    /// Adds a spring from a place at `x` to where it is.
     #[inline(always)]
-    fn add(&mut self, x: V3<F>, spring: &PointSpring<F>) {
+    pub fn add(&mut self, x: V3<F>, spring: &PointSpring<F>) {
         let f = spring.force(x);
         self.force += f;
         self.moment = self.moment + M3::outer(x, f);
@@ -69,18 +70,6 @@ impl<F: Real> Composite<F> {
         self.pp.add(spring.alpha, none, none, spring.u);
         self.tp = self.tp + (M3::hat(ax) - M3::outer(c, spring.u));
         self.tt.add(x.dot(ax), ax, x, c);
-    }
-
-    /// Adds what acts on point `k`, with the moments; `first` is the first point that is not held.
-    #[inline(always)]
-    fn add_point(&mut self, k: usize, load: &Load<F>, shape: &RodShape<F>, first: usize) {
-        let g = &shape.pose[k];
-        self.add(g.p, &load.springs[k - first]);
-        if let Some(moment) = load.moments.get(k - first) {
-            let turned = moment.at(&g.r);
-            self.moment = self.moment + turned.outer(&g.r);
-            self.turning = self.turning + turned.stiffness();
-        }
     }
 
     /// Σ x × f, with the moments.
@@ -92,7 +81,7 @@ impl<F: Real> Composite<F> {
 
     /// The response of everything downstream to twists, with its geometric stiffness scaled by `geometric`.
     #[inline(always)]
-    fn response(&self, geometric: F) -> Response<F> {
+    pub fn response(&self, geometric: F) -> Response<F> {
         let carried = self.moment - M3::diagonal(self.moment.trace());
         Response {
             tt: self.tt.full() - (carried - self.turning) * geometric,
@@ -103,9 +92,49 @@ impl<F: Real> Composite<F> {
     }
 }
 
+/// What a Hessian is made of besides a rod's shape.
+pub(super) trait Acting<F> {
+    /// Adds what acts on point `k`, which is not held, to `downstream`.
+    fn add_point(&self, k: usize, core: &RodCore<F>, shape: &RodShape<F>, downstream: &mut Composite<F>);
+
+    /// What acts on unknown `a` alone, on the diagonal.
+    fn on_unknown(&self, core: &RodCore<F>, a: usize) -> F;
+
+    /// What couples unknown `c` of node `i` to that of the next one.
+    fn on_neighbours(&self, core: &RodCore<F>, i: usize, c: usize) -> F;
+}
+
+impl<F: Real> Acting<F> for Load<F> {
+    #[inline(always)]
+    fn add_point(&self, k: usize, core: &RodCore<F>, shape: &RodShape<F>, downstream: &mut Composite<F>) {
+        let (g, k) = (&shape.pose[k], k - core.first_moving());
+        downstream.add(g.p, &self.springs[k]);
+        if let Some(moment) = self.moments.get(k) {
+            let turned = moment.at(&g.r);
+            downstream.moment = downstream.moment + turned.outer(&g.r);
+            downstream.turning = downstream.turning + turned.stiffness();
+        }
+    }
+
+    #[inline(always)]
+    fn on_unknown(&self, core: &RodCore<F>, a: usize) -> F {
+        let elastic = core.stiffness[a % 3] * self.hat[a / 3][0];
+        // No closure in a kernel: compiled out of line, it would lose the target features of the dispatch.
+        match self.holds.get(a) {
+            Some(hold) => elastic + hold.stiffness,
+            None => elastic,
+        }
+    }
+
+    #[inline(always)]
+    fn on_neighbours(&self, core: &RodCore<F>, i: usize, c: usize) -> F {
+        core.stiffness[c] * self.hat[i][1]
+    }
+}
+
 /// Maps a twist to the wrench response P of everything downstream (`docs/theory.md` eq. 4.2): torque tt ω +
 /// tp v, force ptᵀ ω + pp v. Without geometric stiffness tp = pt.
-struct Response<F> {
+pub(super) struct Response<F> {
     tt: M3<F>,
     tp: M3<F>,
     pt: M3<F>,
@@ -114,7 +143,7 @@ struct Response<F> {
 
 impl<F: Real> Response<F> {
     #[inline(always)]
-    fn to(&self, t: &Twist<F>) -> Twist<F> {
+    pub fn to(&self, t: &Twist<F>) -> Twist<F> {
         Twist { w: self.tt * t.w + self.tp * t.v, v: self.pt.transposed(t.w) + self.pp * t.v }
     }
 }
@@ -256,7 +285,7 @@ pub(super) fn hessian<F: Real>(
         let root = &shape.pose[0];
         let mut torque = downstream.torque();
         if core.joint == RootJoint::Free {
-            downstream.add_point(0, load, shape, core.first_moving());
+            load.add_point(0, core, shape, &mut downstream);
             torque = downstream.torque() - root.p.cross(downstream.force);
         }
         let (response, joint) = (downstream.response(geometric), Joint::new(q));
@@ -291,7 +320,7 @@ pub(super) fn hessian<F: Real>(
 #[inline(always)]
 pub(super) fn sweep<F: Real>(
     core: &RodCore<F>,
-    load: &Load<F>,
+    load: &impl Acting<F>,
     shape: &RodShape<F>,
     sensitivity: &Sensitivity<F>,
     wrench: &[Twist<F>],
@@ -301,9 +330,8 @@ pub(super) fn sweep<F: Real>(
     let (n, zero) = (core.unknowns(), geometric.same(0.0));
     let mut downstream = Composite::new(zero);
     let mut block = ElementBlock::new(zero);
-    let moving = core.first_moving();
     for k in (0..core.segments.len()).rev() {
-        downstream.add_point(k + 1, load, shape, moving);
+        load.add_point(k + 1, core, shape, &mut downstream);
         let response = downstream.response(geometric);
         let (segment, psi) = (&core.segments[k], &shape.exponent[k].psi);
         let first = 3 * segment.element;

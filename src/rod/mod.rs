@@ -30,6 +30,7 @@
 //! | `held_frame` | material frames at places of a rod that are held |
 //! | `winding` | free roots that turn by more than half a turn |
 //! | [`Fit`] | unknowns at which a rod passes near given points |
+//! | [`RateFit`] | rates of the unknowns at which places of a rod move as given |
 //! | [`pack`] | several rods at once, one per SIMD lane |
 
 mod block_factor;
@@ -45,6 +46,7 @@ mod model;
 pub mod newton;
 pub mod pack;
 pub mod potential;
+mod rate_fit;
 mod secants;
 mod segment;
 mod sensitivity;
@@ -56,6 +58,7 @@ pub use held_frame::HoldingMoment;
 pub use joint::RootJoint;
 pub use lumped::LumpedSensitivity;
 pub use model::{Rod, RodSource, Taper};
+pub use rate_fit::{PlaceVelocity, RateFit};
 pub use segment::SegmentSize;
 pub use sensitivity::Sensitivity;
 pub use shape::RodShape;

@@ -49,7 +49,8 @@ fn roots(models: &[GuideModel]) -> Vec<Option<&RootBinding>> {
 }
 
 impl ModalCorrection {
-    /// The responses of guides that rest at time `t`, s, in shapes `rest`; `h` is the sub-step, s.
+    /// The responses of guides that rest at time `t`, s, in shapes `rest`; `h` is the sub-step, s. Those that neither
+    /// lead nor are led have none.
     pub fn new(
         models: &[GuideModel],
         hierarchy: &Hierarchy,
@@ -71,7 +72,12 @@ impl ModalCorrection {
         rest: &[RestShape],
         references: Vec<RestExcitation>,
     ) -> Self {
+        let mut alone: Vec<bool> = hierarchy.leaders.iter().map(Vec::is_empty).collect();
+        hierarchy.leaders.iter().flatten().for_each(|(leader, _)| alone[*leader] = false);
         let response = |(i, (model, rest)): (usize, (&GuideModel, &RestShape))| {
+            if alone[i] {
+                return ModalResponse::default();
+            }
             let gravity = &references[i.min(references.len() - 1)].gravity;
             ModalResponse::new(&model.rod, &rest.state.q, &rest.kinematics, &model.drag, gravity)
         };
