@@ -71,6 +71,11 @@ pub struct FrameRecord {
     /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space,
     /// at the start of the last sub-step of the frame; 0 where the latter is below 5 cm/s.
     pub hair_slip: f64,
+    /// Work that hair does on hair as a volume over the frame, J: negative where it brakes.
+    pub hair_work_j: f64,
+    /// Where that work since the start is positive, its share of the kinetic energy of the hair and of what it would
+    /// have at 5 cm/s.
+    pub hair_gain: f64,
     /// Largest share of the distance that contact keeps between guides that was missing at the end of a sub-step: 1 where
     /// they touch.
     pub strand_missing: f64,
@@ -140,9 +145,9 @@ pub struct WrittenMeasures {
 /// Relative residual of the reactions above which a frame violates the contact law: 1/1000 of the forces.
 pub const RESIDUAL: f64 = 1e-3;
 
-/// Largest share of its energy that contact between guides may add to hair in a frame; what was pressed
-/// together and comes apart again gains less.
-const GAIN: f64 = 0.01;
+/// Largest share of its energy that contact between guides may add to hair in a frame, and hair as a volume since the
+/// start; what was pressed together and comes apart again gains less.
+pub const GAIN: f64 = 0.01;
 
 impl FrameRecord {
     /// Exempt segments as a share of all; 0 without bodies.
@@ -163,6 +168,8 @@ impl FrameRecord {
             (self.strand_gain > GAIN).then(|| {
                 format!("{:.1} % of energy gained by contact between guides", 1e2 * self.strand_gain)
             }),
+            (self.hair_gain > GAIN)
+                .then(|| format!("{:.1} % of energy gained by hair as a volume", 1e2 * self.hair_gain)),
             counted(self.unconverged.len() as u32, "guides whose solve did not converge"),
             residual,
         ];
@@ -193,6 +200,7 @@ impl FrameRecord {
         self.hair_crowding_p95 = self.hair_crowding_p95.max(step.hair.crowding_p95);
         self.hair_crowding_max = self.hair_crowding_max.max(step.hair.crowding_max);
         self.hair_slip = step.hair.slip;
+        self.hair_work_j += step.hair.work;
         (self.contacts_found, self.contacts_active) = (0, 0);
         (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
         self.tie_slack_m = 0.0;
@@ -253,6 +261,7 @@ impl FrameRecord {
         }
         self.exempt_penetration_m = simulation.exempt_depth();
         self.strand_gain = simulation.strand_gain(self.strand_work_j);
+        self.hair_gain = simulation.hair_gain();
         self.pinched_segments = simulation.pinched_segments() as u32;
         self.measure_goals(simulation);
         speeds.sort_by(f64::total_cmp);
@@ -316,7 +325,13 @@ mod tests {
     #[test]
     fn the_hair_of_a_frame_is_the_densest_of_its_sub_steps_and_slips_as_in_the_last() {
         let step = |softened, crowding, slip| SubstepRecord {
-            hair: HairRecord { softened, crowding_p95: crowding, crowding_max: 2.0 * crowding, slip },
+            hair: HairRecord {
+                softened,
+                crowding_p95: crowding,
+                crowding_max: 2.0 * crowding,
+                slip,
+                work: -slip,
+            },
             ..SubstepRecord::default()
         };
         let mut record = FrameRecord::default();
@@ -326,6 +341,7 @@ mod tests {
         let found =
             (record.hair_softened, record.hair_crowding_p95, record.hair_crowding_max, record.hair_slip);
         assert_eq!(found, (0.3, 1.5, 3.0, 0.2));
+        assert_eq!(record.hair_work_j, -0.7 - 0.2);
     }
 
     #[test]
@@ -340,6 +356,7 @@ mod tests {
             FrameRecord { contact_residual: 2.0 * RESIDUAL, ..good.clone() },
             FrameRecord { strands_shortened: 1, ..good.clone() },
             FrameRecord { strand_gain: 0.02, ..good.clone() },
+            FrameRecord { hair_gain: 0.02, ..good.clone() },
             FrameRecord { strand_residual: 2.0 * RESIDUAL, ..good.clone() },
         ];
         for record in bad {

@@ -98,6 +98,7 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "strands_shortened": sum(|f| f.strands_shortened),
         "strand_missing": worst(|f| f.strand_missing),
         "strand_gain": worst(|f| f.strand_gain),
+        "hair_gain": worst(|f| f.hair_gain),
         "tie_slack_m": worst(|f| f.tie_slack_m),
         "goal_distance_mean_m": worst(|f| f.goal_distance_mean_m),
         "goal_distance_max_m": worst(|f| f.goal_distance_max_m),

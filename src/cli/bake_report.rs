@@ -95,6 +95,13 @@ fn contact_charts(figures: &Figures) -> Vec<Chart> {
              sub-step of the frame; 0 where hair is slower than 5 cm/s. Hair that moves as one has little.",
             vec![figures.count("slip", "hair_slip")],
         ));
+        charts.push(chart(
+            "Work of hair on hair",
+            "µJ",
+            "Energy that hair as a volume puts into the guides, each counted as all hair that moves with it. Friction and \
+             air make it negative; since the start it must not be above zero.",
+            vec![figures.series("work", "hair_work_j", 1e6)],
+        ));
     }
     if figures.any("hair_softened") {
         charts.push(chart(
@@ -313,7 +320,7 @@ mod tests {
     fn charts_have_every_figure_of_a_record() {
         let summary = BakeSummary { frames: vec![frame_with_all()], ..BakeSummary::default() };
         let report = bake_report(&summary, "");
-        assert_eq!(report.charts.len(), 17);
+        assert_eq!(report.charts.len(), 18);
         for chart in &report.charts {
             for series in &chart.series {
                 assert!(series.values[0].is_finite(), "{}: {}", chart.name, series.name);
@@ -342,7 +349,7 @@ mod tests {
         assert!(known == 2.0 && unknown.is_nan());
         assert!(report.unrecorded.is_empty());
         let report = report_of(&summary, &Figures::unknown(2), "");
-        assert_eq!((report.charts.len(), report.unrecorded.len()), (17, WITHOUT_SERIES.len()));
+        assert_eq!((report.charts.len(), report.unrecorded.len()), (18, WITHOUT_SERIES.len()));
         assert!(report.charts.iter().flat_map(|c| &c.series).flat_map(|s| &s.values).all(|v| v.is_nan()));
     }
 

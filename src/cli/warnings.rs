@@ -1,7 +1,7 @@
 //! What the user of a bake is warned of.
 
 use crate::bake::BakeSummary;
-use crate::bake::frame_record::FrameRecord;
+use crate::bake::frame_record::{FrameRecord, GAIN};
 use crate::report::Warning;
 use crate::report::view::Findings;
 
@@ -65,6 +65,12 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
             "hair is pressed together: the densest twentieth is more than 1.5 times as dense as in the groom",
             "; `hairbake preview --colour crowding` shows where",
             |f| (f.hair_crowding_p95 > CROWDED).then(|| format!("{:.1} times", f.hair_crowding_p95)),
+        ),
+        warning(
+            frames,
+            "hair as a volume has put energy into itself: more than one percent of what it moves with",
+            "; more friction, drag or damping of the material takes it away",
+            |f| (f.hair_gain > GAIN).then(|| format!("{:.0} %", 1e2 * f.hair_gain)),
         ),
         warning(
             frames,

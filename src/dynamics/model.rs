@@ -78,6 +78,12 @@ impl<'a> Model<'a> {
         clock::time_after(self.anim, taken)
     }
 
+    /// Times of all frames from the start of the pre-roll to the one after the last, s.
+    pub(super) fn frame_times(&self) -> Vec<f64> {
+        let (first, last) = (self.time_after(0) * self.anim.fps, f64::from(self.anim.frames.1) + 1.0);
+        (first.floor() as i64..=last as i64).map(|frame| frame as f64 / self.anim.fps).collect()
+    }
+
     /// True if `taken` sub-steps are those of the pre-roll.
     pub(super) fn is_preroll_end(&self, taken: i64) -> bool {
         taken == self.preroll

@@ -121,6 +121,9 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
         state.record.hair = volume.apply(&model.guides, &mut state.guides, active, env, step);
     }
     advance(model, env, state, span);
+    if let Some(volume) = &mut state.hair_volume {
+        state.record.hair.work = volume.add_work(&state.guides, env, span[1]);
+    }
     state.taken += 1;
     let rods = model.guides.iter().map(|guide| &guide.rod);
     for ((guide, rod), active) in state.guides.iter_mut().zip(rods).zip(&state.record.active) {
@@ -281,7 +284,14 @@ impl<'a> Simulation<'a> {
             // Hair is at rest at the groom's own density, wherever a goal first holds it.
             let drawn = |guide| GuideState::drawn(guide, &env, t, h);
             let drawn: Vec<GuideState> = model.guides.par_iter().map(drawn).collect();
-            HairVolume::new(&rods.simulated, sampling, &model.guides, &drawn, &env, [t, h])
+            HairVolume::new(
+                &rods.simulated,
+                sampling,
+                &model.guides,
+                &drawn,
+                &env,
+                ([t, h], &model.frame_times()),
+            )
         });
         let mut state = State {
             guides,
@@ -325,6 +335,12 @@ impl<'a> Simulation<'a> {
         let Some(contacts) = &self.state.strand_contacts else { return 0.0 };
         let energy = contacts.kinetic_energy(&self.model.guides, &self.state.guides, RECOVERY_SPEED);
         (work / energy.iter().sum::<f64>().max(f64::MIN_POSITIVE)).max(0.0)
+    }
+
+    /// What the work of hair on hair, as a volume, has added to its energy since the start: a share of its kinetic
+    /// energy and of what it would have at 5 cm/s.
+    pub fn hair_gain(&self) -> f64 {
+        self.state.hair_volume.as_ref().map_or(0.0, HairVolume::gain)
     }
 
     /// Largest relative change of the length of a segment of guide `i` since the start.

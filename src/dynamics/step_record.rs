@@ -73,6 +73,8 @@ pub struct HairRecord {
     /// Root mean square of the velocity against the mean of the hair around, over that in head space; 0 where
     /// the latter is below 5 cm/s.
     pub slip: f64,
+    /// Work of hair on hair over the sub-step, J.
+    pub work: f64,
 }
 
 impl StepRecord {

@@ -26,8 +26,8 @@ pub struct Hierarchy {
     /// For each guide, the level of the coarsest wisp that it represents, 0 for the coarsest wisps; one more
     /// than the level of its leaf wisp if it represents none.
     pub level: Vec<u32>,
-    /// For each guide, the representative of the wisp around its own; none for guides that represent the
-    /// coarsest wisps.
+    /// For each guide, the representative of the wisp around its own, or where that has another material or other node
+    /// fractions its closest leader; none for guides that represent the coarsest wisps, and without either.
     pub parent: Vec<Option<usize>>,
 }
 
@@ -76,7 +76,14 @@ impl Hierarchy {
             let error = response_error(&differences, &weights);
             (near.iter().map(|(_, l)| candidates[*l]).zip(weights).collect(), error)
         };
-        let (leaders, response_error) = (0..rods.len()).into_par_iter().map(leaders).unzip();
+        let (leaders, response_error): (Vec<Vec<(usize, f64)>>, _) =
+            (0..rods.len()).into_par_iter().map(leaders).unzip();
+        // What acts on a guide acts on one that it moves with.
+        for (i, parent) in parent.iter_mut().enumerate() {
+            if parent.is_some_and(|j| material(j) != material(i) || arc(j) != arc(i)) {
+                *parent = leaders[i].first().map(|(leader, _)| *leader);
+            }
+        }
         Hierarchy { leaders, response_error, level, parent }
     }
 

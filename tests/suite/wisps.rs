@@ -8,7 +8,7 @@ use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{RodShape, SegmentSize};
 use hairbake::sample::{self, Size, Style};
 use hairbake::scene::anim::{ContactSetting, Resolution};
-use hairbake::scene::{self, Anim, Groom};
+use hairbake::scene::{self, Anim, Groom, Group, Material};
 use hairbake::wisp::{self, Hierarchy};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -270,6 +270,26 @@ fn every_guide_is_led_by_those_of_coarser_wisps() {
     for (i, leaders) in hierarchy.leaders.iter().enumerate().filter(|(i, _)| !coarse(i)) {
         assert!(leaders.iter().all(|(leader, _)| hierarchy.level[*leader] < hierarchy.level[i]));
         assert!((leaders.iter().map(|(_, share)| share).sum::<f64>() - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn every_guide_moves_with_guides_of_its_own_material() {
+    let (mut groom, _) = scene(Style::Long, 0);
+    let stiffer =
+        Material { young_modulus: 1.001 * groom.materials[0].young_modulus, ..groom.materials[0].clone() };
+    groom.materials.push(stiffer);
+    groom.groups.push(Group { material: 1, ..groom.groups[0].clone() });
+    groom.guides.curves.group.iter_mut().step_by(2).for_each(|group| *group = 1);
+    let rods = wisp::guide_rods(&groom, SegmentSize::COARSE, false);
+    let drag: Vec<_> = rods.iter().map(|r| vec![1e-5; r.rod.points()]).collect();
+    let hierarchy = Hierarchy::new(&groom, &rods, &Vector3::new(0.0, -9.81, 0.0), |i| &drag[i]);
+    let group = |i: usize| groom.guides.curves.group[rods[i].guide];
+    let led: Vec<usize> = (0..rods.len()).filter(|i| !hierarchy.leaders[*i].is_empty()).collect();
+    assert!(led.len() > rods.len() / 2);
+    for i in led {
+        let parent = hierarchy.parent[i].unwrap();
+        assert!(group(parent) == group(i) && hierarchy.level[parent] < hierarchy.level[i], "{i} {parent}");
     }
 }
 

@@ -55,9 +55,9 @@ impl Led {
         Led { first: first.collect(), pieces: shares.into_iter().map(|(_, led)| led).collect() }
     }
 
-    /// The mean force per length, N/m, and acceleration, m/s², on all hair that moves with piece `i`, itself of this
-    /// `volume`, m³, beyond what acts on the piece; followers have `beyond`.
-    pub fn mean(&self, i: usize, volume: f64, beyond: &[Beyond]) -> [Vector3<f64>; 2] {
+    /// Of all hair that moves with piece `i`, itself of this `volume`, m³: the mean force per length, N/m, and
+    /// acceleration, m/s², beyond what acts on the piece, and the volume, m³. Followers have `beyond`.
+    pub fn mean(&self, i: usize, volume: f64, beyond: &[Beyond]) -> ([Vector3<f64>; 2], f64) {
         let (mut whole, mut pressure, mut load) = (volume, Vector3::zeros(), Vector3::zeros());
         for (own, share) in &self.pieces[self.first[i] as usize..self.first[i + 1] as usize] {
             let beyond = &beyond[*own as usize];
@@ -66,7 +66,7 @@ impl Led {
             pressure += beyond.pressure * part;
             load += beyond.load * part;
         }
-        [pressure, load].map(|sum| sum / whole)
+        ([pressure, load].map(|sum| sum / whole), whole)
     }
 }
 

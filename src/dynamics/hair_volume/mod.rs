@@ -12,6 +12,7 @@ mod grid;
 mod law;
 mod part;
 mod piece;
+mod reach;
 mod record;
 mod sampling;
 mod spin;
@@ -34,6 +35,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use part::Part;
 use piece::Piece;
 use rayon::prelude::*;
+use reach::reach;
+use record::Work;
 use sampling::root_spacing;
 pub(super) use sampling::sampling;
 use serde::{Deserialize, Serialize};
@@ -82,6 +85,7 @@ pub(super) struct HairVolume {
     /// Volume fraction and volume of each piece, in the order in which the percentile was looked for.
     ranked: Vec<[f64; 2]>,
     grid: Grid,
+    work: Work,
 }
 
 /// The hairs of a piece of a guide.
@@ -104,6 +108,7 @@ struct Hairs {
 pub(super) struct HairVolumeState {
     framed: Vec<Placed>,
     history: Vec<History>,
+    work: Work,
 }
 
 /// Where a piece is, head space.
@@ -162,16 +167,16 @@ const PLACE: usize = 8;
 
 impl HairVolume {
     /// The hair of guides with the rods `rods`, whose `states` are the groom's pose at time `t`, s. Each hair
-    /// of guide i stands for `sampling[i]` hairs; `h`, s, is the sub-step.
+    /// of guide i stands for `sampling[i]` hairs; `h`, s, is the sub-step. `shot` are the times of all frames, s.
     pub fn new(
         rods: &[GuideRod],
         sampling: &[f64],
         models: &[GuideModel],
         states: &[GuideState],
         env: &Environment,
-        [t, h]: [f64; 2],
+        ([t, h], shot): ([f64; 2], &[f64]),
     ) -> Self {
-        let grid = Grid::new(root_spacing(rods).max(MIN_SPACING), reach(rods));
+        let grid = Grid::new(root_spacing(rods).max(MIN_SPACING), reach(models, env, shot));
         let (parts, first) = Part::of_guides(models, PIECE * grid.spacing());
         let mut volume = HairVolume {
             hairs: parts
@@ -195,6 +200,7 @@ impl HairVolume {
             ranked: Vec::with_capacity(parts.len()),
             parts,
             grid,
+            work: Work::default(),
         };
         volume.set_leaders(models, |i| i);
         volume.locate(states, env, t);
@@ -279,7 +285,7 @@ impl HairVolume {
 
     /// What a checkpoint holds.
     pub fn state(&self) -> HairVolumeState {
-        HairVolumeState { framed: self.framed.clone(), history: self.history.clone() }
+        HairVolumeState { framed: self.framed.clone(), history: self.history.clone(), work: self.work }
     }
 
     /// Returns to a checkpoint.
@@ -292,7 +298,7 @@ impl HairVolume {
         for found in [saved.framed.len(), saved.history.len()] {
             StateMismatch::unless_same("hair points", found, self.parts.len())?;
         }
-        (self.framed, self.history) = (saved.framed, saved.history);
+        (self.framed, self.history, self.work) = (saved.framed, saved.history, saved.work);
         self.set_leaders(models, leader);
         Ok(())
     }
@@ -468,8 +474,9 @@ impl HairVolume {
         let all = pieces.par_iter_mut().zip(history).enumerate().with_min_len(MIN_PIECES);
         all.for_each(|(i, (piece, history))| {
             if !piece.absent {
-                let [pressure, load] = led.mean(i, piece.volume, beyond);
+                let ([pressure, load], moving) = led.mean(i, piece.volume, beyond);
                 (piece.pressure, piece.load) = (piece.pressure + pressure, piece.drag + load);
+                piece.moving = moving;
             }
             history.before = [piece.v, history.before[0], history.before[1]];
             history.unforced = piece.undragged + (piece.load - piece.acceleration) * piece.eta;
@@ -542,14 +549,4 @@ fn assembly(values: &Node) -> Assembly {
 /// φ times the mean tangent, of a node or of the values at a place.
 fn direction(values: &Node) -> Vector3<f64> {
     Vector3::new(values[TANGENT], values[TANGENT + 1], values[TANGENT + 2])
-}
-
-/// The box, in head space, m, that hair which is held cannot leave: no point is farther from its root than the guide is
-/// long.
-fn reach(rods: &[GuideRod]) -> [Vector3<f64>; 2] {
-    let [low, high] = [1.0, -1.0].map(|sign| Vector3::repeat(sign * f64::INFINITY));
-    rods.iter().fold([low, high], |[low, high], r| {
-        let (root, length) = (r.rod.root.p, Vector3::repeat(r.rod.length()));
-        [low.inf(&(root - length)), high.sup(&(root + length))]
-    })
 }

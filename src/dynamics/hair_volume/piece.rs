@@ -46,6 +46,10 @@ pub(super) struct Piece {
     pub opposition: NeighbourDrag,
     /// `drag`, with the mean of what acts beyond it on all hair that moves with the piece, m/s².
     pub load: Vector3<f64>,
+    /// Volume of all hair that moves with the piece, m³, itself included.
+    pub moving: f64,
+    /// Work of `pressure` and `load` on that hair over the sub-step, J.
+    pub work: f64,
 }
 
 impl Piece {

@@ -59,7 +59,7 @@ fn curtain_of(roots: &[V], material: &Material) -> Curtain {
     let models: Vec<GuideModel> =
         rods.iter().map(|r| GuideModel::new(r.rod.clone(), vec![0.0; r.rod.points()], 0.3)).collect();
     let states: Vec<GuideState> = models.iter().map(|m| GuideState::new(m, &[], &env, 0.0, H)).collect();
-    let volume = HairVolume::new(&rods, &vec![1.0; rods.len()], &models, &states, &env, [0.0, H]);
+    let volume = HairVolume::new(&rods, &vec![1.0; rods.len()], &models, &states, &env, ([0.0, H], &[]));
     Curtain { models, states, volume, env }
 }
 
@@ -557,7 +557,7 @@ fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
             for i in (leader..16).step_by(2) {
                 let force = match i == leader {
                     true => {
-                        let [pressure, load] =
+                        let ([pressure, load], _) =
                             volume.led.mean(own, volume.pieces[own].volume, &volume.beyond);
                         -(pressure * part.length + load * part.mass)
                     }

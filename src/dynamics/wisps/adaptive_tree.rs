@@ -93,15 +93,15 @@ impl AdaptiveTree {
         self.packs.len() as u32
     }
 
-    /// True if guide `i`, or one that it would follow, has a load, or an animated goal has pulled it at any time
-    /// before `t`, s: it must move by itself. Leaders that are led tell nothing of the motion of one that is not.
-    fn is_led(&self, models: &[GuideModel], i: usize, t: f64) -> bool {
+    /// True if guide `i`, or one that it would follow, has a tie or a load, or an animated goal has pulled it at any
+    /// time before `t`, s: it must move by itself. Leaders that are held tell nothing of the motion of one that is not.
+    fn is_held(&self, models: &[GuideModel], i: usize, t: f64) -> bool {
         let mut guides = self.motion.hierarchy.leaders[i].iter().map(|(leader, _)| *leader).chain([i]);
-        guides.any(|guide| models[guide].was_pulled(t))
+        guides.any(|guide| !models[guide].ties.is_empty() || models[guide].was_pulled(t))
     }
 
-    /// Makes every guide with leaders a follower, except tied ones and those that an animated goal pulls, or
-    /// whose leaders it pulls. The states at time `t`, s, are taken as the rest shapes.
+    /// Makes every guide with leaders a follower, except those that are held and those whose leaders are. The states at
+    /// time `t`, s, are taken as the rest shapes.
     pub fn make_followers(
         &mut self,
         models: &[GuideModel],
@@ -124,9 +124,8 @@ impl AdaptiveTree {
         let LeaderMotion { hierarchy, rest, h, .. } = &self.motion;
         self.motion.modal = ModalCorrection::new(models, hierarchy, rest, env, [t, *h]);
         for i in 0..models.len() {
-            self.followers[i].follows = !self.motion.hierarchy.leaders[i].is_empty()
-                && models[i].ties.is_empty()
-                && !self.is_led(models, i, t);
+            self.followers[i].follows =
+                !self.motion.hierarchy.leaders[i].is_empty() && !self.is_held(models, i, t);
         }
     }
 
@@ -188,7 +187,7 @@ impl AdaptiveTree {
         let splits = |i: &usize| {
             self.motion.hierarchy.level[*i] == level
                 && !self.is_active(*i)
-                && (self.is_led(models, *i, t[1]) || errs(*i))
+                && (self.is_held(models, *i, t[1]) || errs(*i))
         };
         let split: Vec<usize> = (0..models.len()).into_par_iter().filter(splits).collect();
         for &i in &split {
@@ -215,7 +214,7 @@ impl AdaptiveTree {
         let decide = |i: usize| {
             let (model, state) = (&models[i], &states[i]);
             let leads = !self.is_active(i) || self.motion.hierarchy.leaders[i].is_empty();
-            if leads || !model.ties.is_empty() || self.is_led(models, i, t) {
+            if leads || self.is_held(models, i, t) {
                 return None;
             }
             let Follower { variate, disagreement, since, .. } = &self.followers[i];
@@ -299,5 +298,75 @@ impl AdaptiveTree {
         packs.par_iter_mut().for_each_init(PlacementScratch::default, |scratch, (pack, followers)| {
             pack.place(motion, followers, now, scratch);
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::Bodies;
+    use crate::dynamics::tie::Tie;
+    use crate::rod::{Rod, RodSource};
+    use crate::scene::Tree;
+    use nalgebra::{Isometry3, Vector3};
+
+    const FRAME: f64 = 1.0 / 24.0;
+    const H: f64 = FRAME / 8.0;
+
+    /// Two hairs of 16 cm that lead a third of half the length, on a head that is shaken.
+    fn guides(env: &Environment) -> (AdaptiveTree, Vec<GuideModel>, Vec<GuideState>) {
+        let model = |(i, length): (usize, f64)| {
+            let root = Vector3::x() * (0.01 * i as f64);
+            let tip = root + Vector3::new(0.3, -1.0, 0.0) * length;
+            let rod = Rod::new(&RodSource::hair(&[root, tip], &Tree::default_arc(8))).unwrap();
+            GuideModel::new(rod.clone(), vec![0.0; rod.points()], 0.3)
+        };
+        let models: Vec<GuideModel> = [0.16, 0.16, 0.08].into_iter().enumerate().map(model).collect();
+        let states = models.iter().map(|model| GuideState::new(model, &[], env, 0.0, H)).collect();
+        let hierarchy = Hierarchy {
+            leaders: vec![vec![], vec![], vec![(0, 0.5), (1, 0.5)]],
+            response_error: vec![0.0, 0.0, 0.5],
+            level: vec![0, 0, 1],
+            parent: vec![None, None, Some(0)],
+        };
+        (AdaptiveTree::new(hierarchy, Some(0.01), H, FRAME), models, states)
+    }
+
+    fn shaken<'a>() -> Environment<'a> {
+        let head = |t: f64| Isometry3::translation(0.05 * (10.0 * t).sin(), 0.0, 0.0);
+        Environment { head: Box::new(head), ..Environment::at_rest(Bodies::default()) }
+    }
+
+    #[test]
+    fn a_follower_whose_modes_move_as_those_of_its_leaders_do_not_is_off_though_they_agree() {
+        let env = shaken();
+        let (mut tree, models, states) = guides(&env);
+        tree.make_followers(&models, &states, &env, 0.0);
+        tree.record_level(0, &models, &states);
+        assert!(tree.followers[2].follows && tree.prediction_error(2) == 0.0);
+        let none = |_| NeighbourDrag::default();
+        for frame in 0..4 {
+            let t = [frame, frame + 1].map(|frame| f64::from(frame) * FRAME);
+            tree.advance_modes(&models, none, &vec![Vec::new(); 3], &env, t);
+            // The leaders move alike: not at all.
+            tree.record_level(0, &models, &states);
+        }
+        let modal = |i: usize| tree.motion.modal.deflection(i).strain(0).to_vec();
+        let missing: Vec<f64> = modal(2).iter().zip(modal(0)).map(|(own, led)| own - led).collect();
+        let strains = missing.chunks_exact(3).map(Vector3::from_column_slice);
+        let off = tree.motion.rest[2].kinematics.mean_displacement(strains);
+        assert!(off > 0.01 && (tree.prediction_error(2) / off - 1.0).abs() < 1e-9, "{off}");
+    }
+
+    #[test]
+    fn what_is_tied_leads_none_that_is_not() {
+        let env = shaken();
+        for tied in [0, 2] {
+            let (mut tree, mut models, states) = guides(&env);
+            let tie = Tie::new(&models[tied].rod, 0, 0.5, Vector3::zeros());
+            models[tied].ties.push(tie);
+            tree.make_followers(&models, &states, &env, 0.0);
+            assert!(tree.is_active(2), "{tied}");
+        }
     }
 }

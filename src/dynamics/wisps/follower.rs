@@ -18,8 +18,9 @@ pub(super) struct Follower {
     pub offset: Vec<f64>,
     /// Rate of `offset` when it merged, 1/(m·s).
     pub offset_rate: Vec<f64>,
-    /// How its leaders disagreed at `since` ([`LeaderMotion::disagreement`](super::leader_motion::LeaderMotion)), a
-    /// strain at each of its nodes for each of them; empty if it has followed since all were at rest.
+    /// How its leaders disagreed at `since`, with what was left out of its own modes
+    /// ([`LeaderMotion::disagreement`](super::leader_motion::LeaderMotion)); empty if it has followed since all were at
+    /// rest.
     pub disagreement: Vec<f64>,
     /// Strains that kept it out of the bodies at the end of the last frame, 1/m; empty if none.
     pub correction: Vec<f64>,

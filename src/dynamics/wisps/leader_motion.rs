@@ -126,40 +126,48 @@ impl LeaderMotion {
         self.rest[i].kinematics.mean_displacement(self.modal.strain_apart(i).into_iter())
     }
 
-    /// How far the deflection by each leader of guide `i` alone is from that by all, less the modal responses: strains
-    /// of leader after leader. With a single leader, whose error is not known, its whole deflection from rest.
+    /// What tells how far the prediction of guide `i` may be off, as strains of its nodes: for leader after leader, how
+    /// far the deflection by it alone is from that by all, less the modal responses, or with a single leader, whose
+    /// error is not known, its whole deflection from rest; then what is left out of the modal deviation of the guide
+    /// from its leaders.
     pub fn disagreement(&self, i: usize, nu: f64) -> Vec<f64> {
         let mut means = LeaderMeans::default();
         self.leader_means(i, &mut means);
         let leaders = &self.hierarchy.leaders[i];
+        let (deflection, modal) = (means.deflection.strain(0), means.modal.strain(0));
+        let mut disagreement = Vec::with_capacity((leaders.len() + 1) * deflection.len());
         if leaders.len() == 1 {
-            return means.deflection.strain(0).to_vec();
+            disagreement.extend(deflection);
+        } else {
+            for &(leader, _) in leaders {
+                let own = self.deflections[leader].strain(0).iter().zip(deflection);
+                let of_modes = self.modal.deflection(leader).strain(0).iter().zip(modal);
+                let differences = own
+                    .zip(of_modes)
+                    .map(|((own, mean), (modal, of_mean))| own - mean - nu * (modal - of_mean));
+                disagreement.extend(differences);
+            }
         }
-        let mut disagreement = Vec::with_capacity(leaders.len() * means.deflection.strain(0).len());
-        for &(leader, _) in leaders {
-            let own = self.deflections[leader].strain(0).iter().zip(means.deflection.strain(0));
-            let modal = self.modal.deflection(leader).strain(0).iter().zip(means.modal.strain(0));
-            let differences =
-                own.zip(modal).map(|((own, mean), (modal, of_mean))| own - mean - nu * (modal - of_mean));
-            disagreement.extend(differences);
-        }
+        let own = self.modal.deflection(i).strain(0).iter().zip(modal);
+        disagreement.extend(own.map(|(own, of_mean)| (1.0 - nu) * (own - of_mean)));
         disagreement
     }
 
     /// Estimated error of the prediction of guide `i` since a time when its leaders disagreed as `before`, by those that
-    /// disagree as `now`, as a share of its length: root mean square, weighted by their shares, of the displacements
-    /// that the change of their disagreement gives, times the response error of the hierarchy. At rest leaders agree, as
-    /// where `before` is empty.
+    /// disagree as `now`, as a share of its length: the displacements that the change of their disagreement gives, in the
+    /// root mean square by their shares, times the response error of the hierarchy, and with them what is left out of
+    /// its own modes. At rest leaders agree, as where `before` is empty.
     pub fn prediction_error(&self, i: usize, now: &[f64], before: &[f64]) -> f64 {
         let kinematics = &self.rest[i].kinematics;
         let leaders = &self.hierarchy.leaders[i];
-        let n = now.len() / leaders.len();
-        let square = |(k, (_, share)): (usize, &(usize, f64))| {
+        let n = now.len() / (leaders.len() + 1);
+        let square = |k: usize| {
             let change = |m: usize| now[m] - before.get(m).unwrap_or(&0.0);
             let strain = |m: usize| Vector3::new(change(m), change(m + 1), change(m + 2));
             let strains = (k * n..(k + 1) * n).step_by(3).map(strain);
-            share.abs() * kinematics.mean_displacement(strains).powi(2)
+            kinematics.mean_displacement(strains).powi(2)
         };
-        self.hierarchy.response_error[i] * leaders.iter().enumerate().map(square).sum::<f64>().sqrt()
+        let of_leaders: f64 = leaders.iter().enumerate().map(|(k, (_, share))| share.abs() * square(k)).sum();
+        (self.hierarchy.response_error[i].powi(2) * of_leaders + square(leaders.len())).sqrt()
     }
 }
