@@ -145,9 +145,9 @@ pub struct WrittenMeasures {
 /// Relative residual of the reactions above which a frame violates the contact law: 1/1000 of the forces.
 pub const RESIDUAL: f64 = 1e-3;
 
-/// Largest share of its energy that contact between guides may add to hair in a frame, and hair as a volume since the
-/// start; what was pressed together and comes apart again gains less.
-pub const GAIN: f64 = 0.01;
+/// Largest share of its energy that contact between guides may add to hair in a frame; what was pressed
+/// together and comes apart again gains less.
+const GAIN: f64 = 0.01;
 
 impl FrameRecord {
     /// Exempt segments as a share of all; 0 without bodies.
@@ -168,8 +168,6 @@ impl FrameRecord {
             (self.strand_gain > GAIN).then(|| {
                 format!("{:.1} % of energy gained by contact between guides", 1e2 * self.strand_gain)
             }),
-            (self.hair_gain > GAIN)
-                .then(|| format!("{:.1} % of energy gained by hair as a volume", 1e2 * self.hair_gain)),
             counted(self.unconverged.len() as u32, "guides whose solve did not converge"),
             residual,
         ];
@@ -356,7 +354,6 @@ mod tests {
             FrameRecord { contact_residual: 2.0 * RESIDUAL, ..good.clone() },
             FrameRecord { strands_shortened: 1, ..good.clone() },
             FrameRecord { strand_gain: 0.02, ..good.clone() },
-            FrameRecord { hair_gain: 0.02, ..good.clone() },
             FrameRecord { strand_residual: 2.0 * RESIDUAL, ..good.clone() },
         ];
         for record in bad {
