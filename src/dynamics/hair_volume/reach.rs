@@ -41,7 +41,7 @@ mod tests {
         let held = GuideModel::new(rod.clone(), vec![0.0; rod.points()], 0.3);
         let corners = [[0.0, -1.0], [2.0, -1.0], [1.0, 2.0]];
         let vertices = corners.map(|[x, z]| Vector3::new(x, 0.0, z)).to_vec();
-        let mesh = TriMesh { vertices, triangles: vec![[0, 1, 2]], ..TriMesh::default() };
+        let mesh = TriMesh { vertices, triangles: vec![[0, 1, 2]] };
         let (place, _) = Skin::new(&mesh, None).bind(&root, 0.1).unwrap();
         let on_skin = GuideModel { skin: Some(RootBinding { collider: 0, place }), ..held.clone() };
         let head = |t: f64| Isometry3::translation(0.0, 0.0, 5.0 * t);
