@@ -104,7 +104,7 @@ const TIE_SLACK: f64 = 1e-3;
 const MANY_SOFTENED: f64 = 0.25;
 
 /// Energy that hair as a volume has gained since the start, as a share of that with which it moves, above which the user
-/// is warned. In bakes of eight steps a frame it is none; a storm at one step a frame gives a third.
+/// is warned. The samples gain none, at four steps a frame and more; a storm at one step a frame gives a third.
 const VOLUME_GAIN: f64 = 0.01;
 
 /// Density of the densest twentieth of the hair, over that in the groom's pose, above which the user is
@@ -214,6 +214,14 @@ mod tests {
         let (soft, crowded) = (soft.to_text(), crowded.to_text());
         assert!(soft.contains("in frame 8 (26 %); more steps per frame"), "{soft}");
         assert!(crowded.contains("in frame 9 (1.6 times)"), "{crowded}");
+    }
+
+    #[test]
+    fn hair_that_gains_energy_is_warned_of() {
+        let frame = |frame, hair_gain| FrameRecord { frame, hair_gain, ..FrameRecord::default() };
+        let frames = vec![frame(7, 0.004), frame(8, 0.3)];
+        let text = warnings(&BakeSummary { frames, ..BakeSummary::default() })[0].to_text();
+        assert!(text.contains("put energy into itself") && text.contains("in frame 8 (30 %)"), "{text}");
     }
 
     #[test]

@@ -135,20 +135,24 @@ impl<F: Real, L: Acting<F>> Elimination<'_, F, L> {
         // The first node feels the joint before it as it feels a twist.
         if let Some(before) = blocks.checked_sub(1) {
             let node = &mut self.factor.nodes[blocks];
-            for (j, k) in (0..9).map(|at| (at / 3, at % 3)) {
-                node.node[j][k] = node.twist[j].dot(&self.total[3 * before + k]);
+            for j in 0..3 {
+                for k in 0..3 {
+                    node.node[j][k] = node.twist[j].dot(&self.total[3 * before + k]);
+                }
             }
         }
         let mut node = [[zero; 3]; 3];
         for block in (0..blocks).rev() {
             let mut before = [[zero; 3]; 3];
-            for (j, k) in (0..9).map(|at| (at / 3, at % 3)) {
-                self.d[j][k] = joint[3 * block + j][3 * block + k];
-                for of_next in &node {
-                    self.d[j][k] -= of_next[j] * of_next[k];
-                }
-                if block > 0 {
-                    before[j][k] = joint[3 * block + j][k];
+            for j in 0..3 {
+                for k in 0..3 {
+                    self.d[j][k] = joint[3 * block + j][3 * block + k];
+                    for of_next in &node {
+                        self.d[j][k] -= of_next[j] * of_next[k];
+                    }
+                    if block > 0 {
+                        before[j][k] = joint[3 * block + j][k];
+                    }
                 }
             }
             (_, node) = self.eliminate(block, none, before);

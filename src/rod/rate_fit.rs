@@ -34,7 +34,7 @@ pub struct RateFit {
     normal: NormalEquations,
     sensitivity: Sensitivity,
     factor: BlockFactor<f64>,
-    /// Forces without geometric stiffness, one for each segment: none.
+    /// Of each segment: none, for springs are where the places are.
     wrench: Vec<Twist<f64>>,
     change: Vec<f64>,
 }
