@@ -72,6 +72,7 @@ pub fn solve_lower<F: Real>(a: &[F], n: usize, b: &mut [F]) {
 }
 
 /// a · b.
+#[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     -less_dot(0.0, a, b)
 }

@@ -38,6 +38,7 @@ impl Anderson {
 
     /// Replaces the image `y` of `x` by the combination. All iterations since [`Anderson::clear`] must have
     /// the same length.
+    #[inline(always)]
     pub fn accelerate(&mut self, x: &[f64], y: &mut [f64]) {
         let change = || y.iter().zip(x).map(|(y, x)| y - x);
         let grown = change().map(|c| c * c).sum::<f64>() > GROWTH * GROWTH * dot(&self.change, &self.change);
@@ -61,6 +62,7 @@ impl Anderson {
 
     /// Subtracts from `y` the combination of the `held` differences of images whose changes best fit the last
     /// change. The difference at `newest` is not yet in the normal matrix.
+    #[inline(always)]
     fn combine(&mut self, newest: usize, held: usize, y: &mut [f64]) {
         if held == 1 {
             self.gram = SMatrix::identity();
@@ -86,6 +88,7 @@ impl Anderson {
     }
 }
 
+#[inline(always)]
 fn replace(old: &mut Vec<f64>, new: impl Iterator<Item = f64>) {
     old.clear();
     old.extend(new);

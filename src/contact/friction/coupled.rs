@@ -1,12 +1,10 @@
 //! Solver for many strands that touch each other and bodies.
 //!
-//! The blocks of W of active contacts are computed, and kept while they stay active. A sweep then costs nine
-//! products for each contact that shares a strand with one, usually few; by way of the strands' unknowns, w =
-//! Y r, it would cost six for each unknown. Checks of all contacts use w.
+//! Sweeps know the impulses by w = Y r, which every change of one updates: a contact costs twelve products for each
+//! unknown of its strands, however many others share them.
 
 use super::budget::SystemBudget;
 use super::coupled_problem::CoupledFrictionProblem;
-use super::delassus::SparseDelassus;
 use super::gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance, System, solve_by_sweeps};
 use super::newton;
 use super::problem::{FrictionProblem, at};
@@ -14,6 +12,7 @@ use super::regularised::COMPLIANCE;
 use super::residual::Residual;
 use crate::geometry::Friction;
 use nalgebra::{Matrix3, Vector3};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -38,15 +37,16 @@ pub fn solve_coupled(
     scratch: &mut FrictionScratch,
 ) -> FrictionOutcome {
     let diagonal = (0..r.len() / 3).into_par_iter().map(|i| problem.block(i, i)).collect();
-    let mut network = Network { problem, diagonal, delassus: SparseDelassus::default(), r, w };
-    let mut outcome = solve_by_sweeps(&mut network, tolerance, true, scratch);
+    let mut network = Network { problem, diagonal, r, w };
+    let mut outcome = Arch::new().dispatch(Sweeps { network: &mut network, tolerance, scratch });
     for _ in 0..NEWTON_SOLVES {
         if outcome.residual <= tolerance.residual || !tolerance.continuation {
             break;
         }
         let before = network.r.to_vec();
         network.solve_worst(tolerance);
-        let FrictionOutcome { sweeps, residual } = solve_by_sweeps(&mut network, tolerance, true, scratch);
+        let FrictionOutcome { sweeps, residual } =
+            Arch::new().dispatch(Sweeps { network: &mut network, tolerance, scratch });
         outcome.sweeps += sweeps;
         if residual >= outcome.residual {
             network.r.copy_from_slice(&before);
@@ -58,15 +58,29 @@ pub fn solve_coupled(
     outcome
 }
 
-/// A coupled problem, its impulses, and the blocks of W in use.
+/// Sweeps with the registers that the processor has; the order of operations is the same on all.
+struct Sweeps<'a, 'b> {
+    network: &'a mut Network<'b>,
+    tolerance: FrictionTolerance,
+    scratch: &'a mut FrictionScratch,
+}
+
+impl WithSimd for Sweeps<'_, '_> {
+    type Output = FrictionOutcome;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> FrictionOutcome {
+        solve_by_sweeps(self.network, self.tolerance, true, self.scratch)
+    }
+}
+
+/// A coupled problem, its impulses, and what they add up to.
 struct Network<'a> {
     problem: &'a CoupledFrictionProblem<'a>,
     /// Diagonal blocks of all contacts.
     diagonal: Vec<Matrix3<f64>>,
-    /// Blocks of the active contacts.
-    delassus: SparseDelassus,
     r: &'a mut [f64],
-    /// Y r at the last check.
+    /// Y r.
     w: &'a mut [f64],
 }
 
@@ -94,9 +108,9 @@ impl Network<'_> {
         let (mut w, mut b) = (vec![0.0; stride * stride], Vec::with_capacity(stride));
         for (rows, &i) in w.chunks_exact_mut(3 * stride).zip(selected) {
             let mut free = self.velocity(i);
-            for (j, block) in self.delassus.line(i as u32) {
-                let Ok(column) = selected.binary_search(&(*j as usize)) else { continue };
-                free -= block * self.impulse(*j as usize);
+            for (column, &j) in selected.iter().enumerate() {
+                let block = self.problem.block(i, j);
+                free -= block * self.impulse(j);
                 for (row, values) in rows.chunks_exact_mut(stride).zip(block.row_iter()) {
                     row[3 * column..][..3].iter_mut().zip(values.iter()).for_each(|(w, value)| *w = *value);
                 }
@@ -115,8 +129,13 @@ impl Network<'_> {
             residual.add(self.block(i).trace(), u, &r, &self.free(i), self.friction(i));
             residual.error
         };
-        let mut errors: Vec<(usize, f64)> =
-            self.delassus.contacts().iter().map(|&i| (i as usize, error(i as usize))).collect();
+        let strands = |i: usize| self.problem.strands[i].iter().flatten().map(|strand| strand.first_unknown);
+        let acts = |i: &usize| self.impulse(*i) != Vector3::zeros() || self.velocity(*i).x < 0.0;
+        let acting: Vec<usize> = (0..self.contacts()).filter(acts).collect();
+        let mut of_strands: Vec<(usize, usize)> =
+            acting.iter().flat_map(|&i| strands(i).map(move |strand| (strand, i))).collect();
+        of_strands.sort_unstable();
+        let mut errors: Vec<(usize, f64)> = acting.iter().map(|&i| (i, error(i))).collect();
         errors.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let mut remaining = WORST * errors.iter().map(|(_, error)| error).sum::<f64>();
         let mut selected = BTreeSet::new();
@@ -125,10 +144,10 @@ impl Network<'_> {
                 break;
             }
             remaining -= error;
-            let neighbours = self.delassus.line(i as u32).iter().map(|(j, _)| *j as usize);
-            let acting = |j: &usize| self.impulse(*j) != Vector3::zeros() || self.velocity(*j).x < 0.0;
-            selected.extend(neighbours.filter(acting));
-            selected.insert(i);
+            for strand in strands(i) {
+                let from = of_strands.partition_point(|of| of.0 < strand);
+                selected.extend(of_strands[from..].iter().take_while(|of| of.0 == strand).map(|of| of.1));
+            }
         }
         selected.into_iter().collect()
     }
@@ -161,16 +180,14 @@ impl System for Network<'_> {
         (0..self.contacts()).into_par_iter().map(of).collect_into_vec(u);
     }
 
-    fn set_active(&mut self, active: &[u32]) {
-        self.delassus = SparseDelassus::new(self.problem, active, &self.delassus);
-    }
-
+    #[inline(always)]
     fn velocity(&self, i: usize) -> Vector3<f64> {
-        let line = self.delassus.line(i as u32).iter();
-        line.fold(self.free(i), |u, (j, block)| u + block * self.impulse(*j as usize))
+        self.problem.velocity(self.w, i)
     }
 
+    #[inline(always)]
     fn set_impulse(&mut self, i: usize, impulse: Vector3<f64>) {
+        self.problem.push(self.w, i, &(impulse - self.impulse(i)));
         self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
     }
 }

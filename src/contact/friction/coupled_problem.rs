@@ -5,12 +5,16 @@ use crate::geometry::Friction;
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 
+/// Products that are summed side by side, in a fixed order: a multiple of what registers hold. Strands are solved
+/// fastest whose rows have a multiple of it.
+pub const ROW_WIDTH: usize = 8;
+
 /// One strand's part in a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StrandRows {
     /// Index of the strand's first unknown in w; it identifies the strand.
     pub first_unknown: usize,
-    /// Number of unknowns of the strand.
+    /// Number of unknowns of the strand, with those of zeros that may fill its rows.
     pub unknowns: usize,
     /// Start of the strand's three rows of Yᵀ (normal, tangents) in [`CoupledFrictionProblem::rows`].
     pub offset: usize,
@@ -49,25 +53,55 @@ impl CoupledFrictionProblem<'_> {
         block
     }
 
+    /// The three rows of a strand in a contact.
+    #[inline(always)]
+    fn rows(&self, strand: &StrandRows) -> [&[f64]; 3] {
+        let n = strand.unknowns;
+        let (normal, tangents) = self.rows[strand.offset..][..3 * n].split_at(n);
+        let (first, second) = tangents.split_at(n);
+        [normal, first, second]
+    }
+
     /// w = Y r.
     pub(super) fn apply(&self, r: &[f64], w: &mut [f64]) {
         w.fill(0.0);
-        for (strands, r) in self.strands.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
-            for strand in strands.iter().flatten() {
-                let (first, n) = (strand.first_unknown, strand.unknowns);
-                for (d, r) in r.iter().enumerate() {
-                    w[first..first + n].iter_mut().zip(self.row(strand, d)).for_each(|(w, y)| *w += y * r);
-                }
+        for (i, r) in r.chunks_exact(3).enumerate().filter(|(_, r)| **r != [0.0; 3]) {
+            self.push(w, i, &Vector3::from_column_slice(r));
+        }
+    }
+
+    /// Adds to `w` what the impulse `r` of contact `i` adds to Y r.
+    #[inline(always)]
+    pub(super) fn push(&self, w: &mut [f64], i: usize, r: &Vector3<f64>) {
+        for strand in self.strands[i].iter().flatten() {
+            let w = &mut w[strand.first_unknown..][..strand.unknowns];
+            let [normal, first, second] = self.rows(strand);
+            for (((w, n), a), b) in w.iter_mut().zip(normal).zip(first).zip(second) {
+                *w += n * r.x + a * r.y + b * r.z;
             }
         }
     }
 
     /// u of contact `i` for w = Y r.
+    #[inline(always)]
     pub(super) fn velocity(&self, w: &[f64], i: usize) -> Vector3<f64> {
         let mut u = at(self.b, i);
         for strand in self.strands[i].iter().flatten() {
-            let (first, n) = (strand.first_unknown, strand.unknowns);
-            u += Vector3::from_fn(|d, _| dot(self.row(strand, d), &w[first..first + n]));
+            let w = &w[strand.first_unknown..][..strand.unknowns];
+            let (wide, rest) = w.as_chunks::<ROW_WIDTH>();
+            let rows = self.rows(strand).map(<[f64]>::as_chunks::<ROW_WIDTH>);
+            let mut sums = [[0.0; ROW_WIDTH]; 3];
+            for (k, w) in wide.iter().enumerate() {
+                for (sum, (row, _)) in sums.iter_mut().zip(&rows) {
+                    for l in 0..ROW_WIDTH {
+                        sum[l] += row[k][l] * w[l];
+                    }
+                }
+            }
+            for (d, ([a, b, c, d0, e, f, g, h], (_, row))) in sums.into_iter().zip(&rows).enumerate() {
+                let of_rest = row.iter().zip(rest).map(|(y, w)| y * w).sum::<f64>();
+                u[d] += ((a + e) + (b + f)) + ((c + g) + (d0 + h)) + of_rest;
+            }
         }
         u
     }

@@ -55,9 +55,7 @@ pub(super) trait System {
     fn impulse(&self, i: usize) -> Vector3<f64>;
     /// Computes u of all contacts under the current impulses.
     fn velocities(&mut self, u: &mut Vec<Vector3<f64>>);
-    /// Announces the contacts of the following sweeps. All other impulses are zero.
-    fn set_active(&mut self, _active: &[u32]) {}
-    /// u of an active contact.
+    /// u of a contact.
     fn velocity(&self, i: usize) -> Vector3<f64>;
     fn set_impulse(&mut self, i: usize, impulse: Vector3<f64>);
 }
@@ -92,6 +90,7 @@ pub struct FrictionScratch {
 /// sweeps once it is settled which contacts have impulses and which of them stick; inactive contacts stay
 /// inactive. Without a solution, as between bodies that close on a strand, it diverges. Then the impulses of
 /// the best check are restored, and sweeps continue without acceleration.
+#[inline(always)]
 pub(super) fn solve_by_sweeps(
     system: &mut impl System,
     tolerance: FrictionTolerance,
@@ -130,6 +129,7 @@ struct GaussSeidel<'a, S> {
 
 impl<S: System> GaussSeidel<'_, S> {
     /// Computes the residual of all contacts, and updates which of them are active.
+    #[inline(always)]
     fn check(&mut self) -> Residual {
         let FrictionScratch { locals, active, is_active, velocities, anderson, .. } = &mut *self.scratch;
         self.system.velocities(velocities);
@@ -150,7 +150,6 @@ impl<S: System> GaussSeidel<'_, S> {
             }
         }
         if anew || active.len() > known {
-            self.system.set_active(active);
             anderson.clear();
         }
         residual
@@ -158,6 +157,7 @@ impl<S: System> GaussSeidel<'_, S> {
 
     /// Keeps the best impulses of an accelerated solve. If it diverges, or ends with a larger residual,
     /// restores them and continues without acceleration.
+    #[inline(always)]
     fn abandons_acceleration(&mut self, residual: f64, out_of_sweeps: bool) -> bool {
         if !self.accelerated {
             return false;
@@ -177,6 +177,7 @@ impl<S: System> GaussSeidel<'_, S> {
     }
 
     /// Sweeps up to the next check; `free` is the sum of squares of the free velocities.
+    #[inline(always)]
     fn sweep_to_next_check(&mut self, free: f64) {
         let last = self.sweeps + CHECK_INTERVAL.min(self.tolerance.sweeps - self.sweeps);
         loop {
@@ -198,6 +199,7 @@ impl<S: System> GaussSeidel<'_, S> {
 
     /// Solves each active contact once, in order. Returns whether the velocities changed by no more than the
     /// tolerance.
+    #[inline(always)]
     fn sweep(&mut self, free: f64) -> bool {
         let FrictionScratch { locals, active, .. } = &mut *self.scratch;
         let (mut moved, mut impulse) = (0.0, 0.0);
@@ -216,12 +218,13 @@ impl<S: System> GaussSeidel<'_, S> {
     }
 
     /// Replaces the impulses after a sweep by their accelerated combination.
+    #[inline(always)]
     fn accelerate(&mut self) {
         let FrictionScratch { locals, active, before, after, anderson, .. } = &mut *self.scratch;
         gather(&*self.system, locals, active, after);
         anderson.accelerate(before, after);
         for (&i, x) in active.iter().zip(after.chunks_exact(3)) {
-            let (i, scale) = (i as usize, locals[i as usize].w.trace().sqrt());
+            let (i, scale) = (i as usize, locals[i as usize].scale);
             if scale > 0.0 && self.system.impulse(i) != Vector3::zeros() {
                 self.system.set_impulse(i, Vector3::from_column_slice(x) / scale);
             }
@@ -230,16 +233,18 @@ impl<S: System> GaussSeidel<'_, S> {
 }
 
 /// Whether a contact has an impulse `r`, or would need one at velocity `u`.
+#[inline(always)]
 fn acts(u: &Vector3<f64>, r: &Vector3<f64>) -> bool {
     u.x < 0.0 || *r != Vector3::zeros()
 }
 
 /// Collects the impulses of the `active` contacts, times the square roots of their mobilities: sums over
 /// contacts need a common unit.
+#[inline(always)]
 fn gather(system: &impl System, locals: &[LocalSolver], active: &[u32], x: &mut Vec<f64>) {
     x.clear();
     for &i in active {
-        let r = system.impulse(i as usize) * locals[i as usize].w.trace().sqrt();
+        let r = system.impulse(i as usize) * locals[i as usize].scale;
         x.extend_from_slice(r.as_slice());
     }
 }

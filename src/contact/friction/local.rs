@@ -31,9 +31,11 @@ pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, friction: Friction) -> Ve
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LocalSolver {
     pub w: Matrix3<f64>,
+    /// Square root of the mobility, tr W.
+    pub scale: f64,
     /// W_NN; 0 if the contact cannot move.
     normal: f64,
-    /// w/W_NN.
+    /// w/W_NN, in the eigenbasis of A.
     coupling: Vector2<f64>,
     /// Eigenvalues of A.
     lambda: Vector2<f64>,
@@ -48,16 +50,27 @@ impl LocalSolver {
         let floor = RIGID * w.trace();
         if w[(0, 0)] <= floor {
             let (zero, basis) = (Vector2::zeros(), Matrix2::identity());
-            return LocalSolver { w: *w, normal: 0.0, coupling: zero, lambda: zero, basis, slip_rate: 0.0 };
+            return LocalSolver {
+                w: *w,
+                scale: 0.0,
+                normal: 0.0,
+                coupling: zero,
+                lambda: zero,
+                basis,
+                slip_rate: 0.0,
+            };
         }
         let coupling = Vector2::new(w[(1, 0)], w[(2, 0)]) / w[(0, 0)];
         let tangential = Matrix2::new(w[(1, 1)], w[(1, 2)], w[(2, 1)], w[(2, 2)]);
         let (lambda, basis) = eigen(&(tangential - coupling * coupling.transpose() * w[(0, 0)]));
         let lambda = lambda.map(|l| l.max(floor));
-        LocalSolver { w: *w, normal: w[(0, 0)], coupling, lambda, basis, slip_rate: 0.0 }
+        let coupling = basis.tr_mul(&coupling);
+        let scale = w.trace().sqrt();
+        LocalSolver { w: *w, scale, normal: w[(0, 0)], coupling, lambda, basis, slip_rate: 0.0 }
     }
 
     /// Impulse for free velocity `q`.
+    #[inline(always)]
     pub fn solve(&mut self, q: &Vector3<f64>, Friction { mu_s, mu_k }: Friction) -> Vector3<f64> {
         if q.x >= 0.0 || self.normal == 0.0 {
             return Vector3::zeros();
@@ -67,10 +80,11 @@ impl LocalSolver {
             return Vector3::new(frictionless, 0.0, 0.0);
         }
         // In the eigenbasis of A.
-        let a = self.basis.tr_mul(&(q.yz() - self.coupling * q.x));
-        let c = self.basis.tr_mul(&self.coupling);
+        let c = self.coupling;
+        let a = self.basis.tr_mul(&q.yz()) - c * q.x;
         let impulse = |s: f64| {
-            let inverse = self.lambda.map(|l| 1.0 / (l + s));
+            let [first, second] = [self.lambda.x + s, self.lambda.y + s];
+            let inverse = Vector2::new(second, first) * (1.0 / (first * second));
             let tangent = -a.component_mul(&inverse);
             (frictionless - c.dot(&tangent), tangent, inverse)
         };
@@ -104,6 +118,7 @@ fn eigen(m: &Matrix2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
 /// Finds the zero of g(s) = µ r_N/|r_T| − 1, which is linear without coupling and for equal λ, so that
 /// Newton's method takes few steps from `start`. `impulse` returns r_N, r_T, and the ratio of −dr_T/ds to
 /// r_T; `c` is the coupling in the eigenbasis, `lambda` the largest λ, the scale of the first steps.
+#[inline(always)]
 fn find_slip_rate(
     mu: f64,
     c: &Vector2<f64>,

@@ -24,7 +24,6 @@ mod budget;
 mod continuation;
 mod coupled;
 mod coupled_problem;
-mod delassus;
 mod dense;
 mod gauss_seidel;
 mod local;
@@ -37,7 +36,7 @@ mod smoothed_problem;
 
 pub use budget::SystemBudget;
 pub use coupled::solve_coupled;
-pub use coupled_problem::{CoupledFrictionProblem, StrandRows};
+pub use coupled_problem::{CoupledFrictionProblem, ROW_WIDTH, StrandRows};
 pub use dense::solve;
 pub use gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance};
 pub use local::solve_local;

@@ -16,6 +16,7 @@ pub(super) struct Residual {
 
 impl Residual {
     /// Adds a contact with `trace` of W_ii, velocity `u`, impulse `r` and free velocity `b`.
+    #[inline(always)]
     pub fn add(
         &mut self,
         trace: f64,
@@ -46,6 +47,7 @@ impl Residual {
 }
 
 /// Nearest point to `v` = (x, y) of the cone |y| ≤ µ x.
+#[inline(always)]
 pub(super) fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
     let tangent = v.yz().norm();
     if tangent <= mu * v.x {

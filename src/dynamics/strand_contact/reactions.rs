@@ -5,7 +5,7 @@ use super::coupled_guide::{CoupledGuide, RESIDUAL_TOLERANCE};
 use super::island::Island;
 use crate::contact::FrictionTolerance;
 use crate::contact::friction::{
-    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, StrandRows, solve_coupled,
+    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, ROW_WIDTH, StrandRows, solve_coupled,
 };
 use crate::dynamics::guide::GuideModel;
 use crate::geometry::Friction;
@@ -67,7 +67,7 @@ impl Reactions {
             system.add_contact(i, strands, models, guides, pairs, to_world);
         }
         let System { strands, rows, b, friction, mut forces, unknowns } = system;
-        let mut pushes = vec![0.0; unknowns];
+        let mut padded_pushes = vec![0.0; unknowns];
         let problem = CoupledFrictionProblem { strands: &strands, rows: &rows, b: &b, friction: &friction };
         let large = island.contacts.len() >= LARGE;
         let is_on_the_way = |guide: &CoupledGuide| {
@@ -75,13 +75,20 @@ impl Reactions {
         };
         let provisional = !last && island.guides.iter().any(|&g| is_on_the_way(&guides[g]));
         let tolerance = if provisional { PROVISIONAL } else { FINAL };
-        let outcome =
-            solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut FrictionScratch::default());
-        let (mut pushes_left, mut forces_left) = (&mut pushes[..], &mut forces[..]);
+        let outcome = solve_coupled(
+            &problem,
+            tolerance,
+            &mut forces,
+            &mut padded_pushes,
+            &mut FrictionScratch::default(),
+        );
+        let mut pushes = Vec::with_capacity(unknowns);
+        let (mut pushes_left, mut forces_left) = (&padded_pushes[..], &mut forces[..]);
         for &g in &island.guides {
             let hairs = pairs.bundles[g].hairs;
-            let (push, next_pushes) = pushes_left.split_at_mut(models[g].rod.unknowns());
-            push.iter_mut().for_each(|w| *w /= hairs.sqrt());
+            let unknowns = models[g].rod.unknowns();
+            let (push, next_pushes) = pushes_left.split_at(unknowns.next_multiple_of(ROW_WIDTH));
+            pushes.extend(push[..unknowns].iter().map(|w| w / hairs.sqrt()));
             let body_forces = 3 * guides[g].scratch.contact.problem.friction.len();
             let (of_bodies, next_forces) = forces_left.split_at_mut(body_forces);
             of_bodies.iter_mut().for_each(|r| *r /= hairs);
@@ -107,7 +114,9 @@ impl System {
             let (n, body_contact, at) = (models[g].rod.unknowns(), &guide.scratch.contact, self.rows.len());
             let hairs = pairs.bundles[g].hairs;
             let first_unknown = self.unknowns;
-            let rows_of = |j: usize| StrandRows { first_unknown, unknowns: n, offset: at + 3 * n * j };
+            let padded = n.next_multiple_of(ROW_WIDTH);
+            let rows_of =
+                |j: usize| StrandRows { first_unknown, unknowns: padded, offset: at + 3 * padded * j };
             let bodies = body_contact.problem.friction.len();
             for (j, &(i, side)) in guide.sides.iter().enumerate() {
                 if let Ok(contact) = island.contacts.binary_search(&i) {
@@ -119,9 +128,11 @@ impl System {
             self.friction.extend_from_slice(&body_contact.problem.friction);
             self.forces.extend(body_contact.reactions.forces.iter().map(|r| r * hairs));
             self.forces.resize(3 * self.strands.len(), 0.0);
-            self.rows
-                .extend(body_contact.problem.rows.iter().chain(&guide.rows).map(|row| row / hairs.sqrt()));
-            self.unknowns += n;
+            for row in body_contact.problem.rows.chunks_exact(n).chain(guide.rows.chunks_exact(n)) {
+                self.rows.extend(row.iter().map(|y| y / hairs.sqrt()));
+                self.rows.resize(self.rows.len() + padded - n, 0.0);
+            }
+            self.unknowns += padded;
         }
         contact_strands
     }
@@ -142,10 +153,10 @@ impl System {
         let slip = to_world * pairs.slip(pair);
         let mut free = [pair.gap(), slip.dot(&axes[1]), slip.dot(&axes[2])];
         for (side, g) in strands.iter().zip(its_guides).filter_map(|(side, g)| Some(((*side)?, g))) {
-            let (n, hairs) = (side.unknowns, pairs.bundles[g].hairs);
+            let (direction, hairs) = (&guides[g].scratch.solver.direction, pairs.bundles[g].hairs);
             for (d, free) in free.iter_mut().enumerate() {
-                let row = &self.rows[side.offset + d * n..][..n];
-                *free += dot(row, &guides[g].scratch.solver.direction) * hairs.sqrt();
+                let row = &self.rows[side.offset + d * side.unknowns..][..direction.len()];
+                *free += dot(row, direction) * hairs.sqrt();
             }
         }
         self.b.extend(free);
