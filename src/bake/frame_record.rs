@@ -1,6 +1,7 @@
 //! The record of a frame, as in the manifest and the report.
 
 use crate::dynamics::simulation::{Simulation, SubstepRecord};
+use crate::rod::RodShape;
 use crate::strands::{Depths, Jumps, RigidMotion};
 use serde::{Deserialize, Serialize};
 
@@ -102,6 +103,8 @@ pub struct FrameRecord {
     pub speed_max_m_s: f64,
     /// Largest relative change of the arc length of a segment of a guide since the start.
     pub length_drift: f64,
+    /// Largest angle by which a segment of a guide turns, rad.
+    pub segment_turn_rad: f64,
     /// Guide segments exempt from contact, counted once per body: where the groom or the start of the
     /// pre-roll has them inside.
     pub exempt_segments: u32,
@@ -242,7 +245,7 @@ impl FrameRecord {
     pub fn close(&mut self, simulation: &Simulation) {
         let (env, t) = (&simulation.env, simulation.time());
         let head = RigidMotion::of(&*env.head, t);
-        let mut speeds: Vec<f64> = Vec::new();
+        let (mut speeds, mut shape) = (Vec::new(), RodShape::default());
         for i in simulation.active() {
             let g = &simulation.state.guides[i];
             let root = simulation.model.guides[i].skin.as_ref();
@@ -252,6 +255,9 @@ impl FrameRecord {
                 speeds.push((v - carried).norm());
             }
             self.length_drift = self.length_drift.max(simulation.length_drift(i));
+            let rod = &simulation.model.guides[i].rod;
+            shape.update(rod, &rod.root.r, &g.q[0]);
+            self.segment_turn_rad = self.segment_turn_rad.max(shape.largest_turn());
         }
         for body in simulation.exemptions() {
             self.exempt_segments += body.exempt as u32;

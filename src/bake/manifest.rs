@@ -83,6 +83,7 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "hair_jump_m": worst(|f| f.hair_jump_m),
         "limited_rates": sum(|f| f.limited_rates),
         "length_drift": worst(|f| f.length_drift),
+        "segment_turn_rad": worst(|f| f.segment_turn_rad),
         "speed_max_m_s": worst(|f| f.speed_max_m_s),
         "contact_residual": worst(|f| f.contact_residual),
         "unconverged": sum(|f| f.unconverged.len() as u32),

@@ -50,6 +50,12 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
         ),
         warning(
             frames,
+            "guides turn by more than 2 rad within a segment, and by 3 at most: what is twisted or coiled further stays behind",
+            "; more nodes (--nodes) divide them more finely",
+            |f| (f.segment_turn_rad > FAR_TURNED).then(|| format!("{:.1} rad", f.segment_turn_rad)),
+        ),
+        warning(
+            frames,
             "tied hair is not where it is to be held: out of reach, on its way, or tied in too many places for its nodes",
             "; more nodes (--nodes) help with the last",
             |f| (f.tie_slack_m > TIE_SLACK).then(|| format!("{:.0} mm", 1e3 * f.tie_slack_m)),
@@ -99,6 +105,10 @@ const MUCH_MISSING: f64 = 0.5;
 
 /// Distance of a tied place from its goal above which the user is warned, m: what can be seen.
 const TIE_SLACK: f64 = 1e-3;
+
+/// Turn of a segment above which the user is warned, rad: two thirds of the largest that the solver takes. As drawn,
+/// segments turn by a fraction of a radian.
+const FAR_TURNED: f64 = 2.0;
 
 /// Share of hair softened by the sub-step above which the user is warned.
 const MANY_SOFTENED: f64 = 0.25;
@@ -244,6 +254,18 @@ mod tests {
         let text = limited(&[frame(1001, 30), frame(1002, 10)], 100).unwrap().to_text();
         assert!(text.contains("in frame 1001 (30 of 100 guides);"), "{text}");
         assert_eq!(limited(&[frame(1001, 25)], 100), None);
+    }
+
+    #[test]
+    fn frames_in_which_segments_turn_far_are_named() {
+        let frame = |frame: i32, segment_turn_rad: f64| FrameRecord {
+            frame,
+            segment_turn_rad,
+            ..FrameRecord::default()
+        };
+        let frames = vec![frame(1001, 1.5), frame(1002, 2.9)];
+        let text = warnings(&BakeSummary { frames, ..BakeSummary::default() })[0].to_text();
+        assert!(text.contains("in frame 1002 (2.9 rad);"), "{text}");
     }
 
     #[test]

@@ -213,28 +213,32 @@ impl Tie {
             anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0)
         });
         let (segment, s) = on_rod(k, u);
-        let turned = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
+        let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
+        // By the rotation that is held, which is not that of `frame_between`.
+        let is_turned_there = |frame: &Matrix3<f64>| {
+            let held = poses[0].rotation.to_rotation_matrix().matrix() * frame;
+            shape.rotation_from(segment, s, &held).norm() < THERE
+        };
         let steady = offset.norm() < THERE
             && (target - goal).norm() < THERE
-            && turned.is_none_or(|(_, angle)| angle < THERE);
-        let frame = turned.map(|(frame, _)| frame);
+            && self.frame.as_ref().is_none_or(is_turned_there);
         ActiveTie { tie: self.clone(), target, goal, frame, last: TieReaction::default(), steady }
     }
 }
 
 /// The frame at the end of a step of `h`, s, that starts with the frame `from`, world, on its way to `goal` in the
-/// rest space of a body with these poses at start and end; and the angle between them at the start, rad.
+/// rest space of a body with these poses at start and end.
 fn target_frame(
     h: f64,
     goal: &Matrix3<f64>,
     from: &Matrix3<f64>,
     poses: [Isometry3<f64>; 2],
-) -> (Matrix3<f64>, f64) {
+) -> Matrix3<f64> {
     let [start, end] = poses.map(|pose| *pose.rotation.to_rotation_matrix().matrix());
     let (goal, carried) = (end * goal, end * start.transpose() * from);
     let offset = Rotation3::from_matrix_unchecked(goal * carried.transpose());
     let rest = (1.0 - MAX_GATHER_TURN * h / offset.angle()).max(0.0);
-    (if rest > 0.0 { offset.powf(-rest) * goal } else { goal }, offset.angle())
+    if rest > 0.0 { offset.powf(-rest) * goal } else { goal }
 }
 
 /// Returns the ties of each of `rods`, from root to tip.

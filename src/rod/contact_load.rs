@@ -15,9 +15,9 @@ use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Stiffness added at a contact along its constrained directions, relative to the rod's own stiffness there,
-/// if the contact forces make the Hessian indefinite. It affects the convergence of the contact rounds, not
-/// their result.
-const STIFFENING: f64 = 100.0;
+/// if the contact forces make the Hessian indefinite, and more if that does not suffice, as near the load that buckles
+/// the rod between its constraints. It affects the convergence of the contact rounds, not their result.
+const STIFFENINGS: [f64; 2] = [1e2, 1e5];
 
 const AXES: [Vector3<f64>; 3] =
     [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0), Vector3::new(0.0, 0.0, 1.0)];
@@ -130,26 +130,31 @@ impl Solver {
             }
         }
         self.factor.clone_from(matrix);
-        if cholesky::factor(&mut self.factor, n) != 1 {
+        let mut definite = cholesky::factor(&mut self.factor, n) == 1;
+        for stiffening in STIFFENINGS {
+            if definite {
+                break;
+            }
             for contact in contacts {
                 for d in contact.constrained() {
                     row.clear();
                     row.resize(n, 0.0);
                     contact.add_row(&d, &self.shape, &self.sensitivity, row);
-                    add_spring(row, STIFFENING, matrix);
+                    add_spring(row, stiffening, matrix);
                 }
                 let place = (contact.segment, contact.u);
                 for (moment, d) in contact.moment.iter().flat_map(|moment| AXES.map(|d| (moment, d))) {
                     row.clear();
                     row.resize(n, 0.0);
                     self.sensitivity.add_rotation_row(&self.shape, place, &moment.frame, &d, row);
-                    add_spring(row, STIFFENING, matrix);
+                    add_spring(row, stiffening, matrix);
                 }
             }
             self.factor.clone_from(matrix);
-            if cholesky::factor(&mut self.factor, n) != 1 {
-                return self.linearise(rod, load, q);
-            }
+            definite = cholesky::factor(&mut self.factor, n) == 1;
+        }
+        if !definite {
+            return self.linearise(rod, load, q);
         }
         cholesky::solve_lower(&self.factor, n, &mut self.direction);
         true

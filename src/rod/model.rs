@@ -15,7 +15,7 @@ const STANDARD_GRAVITY: f64 = 9.81;
 
 /// Rate at which friction in a root that turns slows the swing of a rod at most, 1/s. It keeps a straight rod from
 /// spinning about itself, for which it has no inertia.
-const JOINT_DAMPING: f64 = 1e-6;
+const JOINT_DAMPING: f64 = 1e-4;
 
 /// The same of a free root of a straight rod. It is more because contact would else bring points a little nearer or
 /// farther by spinning a nearly straight rod far. It is little against the drag of the air, tens per second.

@@ -50,6 +50,11 @@ impl RodShape {
         self.integrate(&rod.core, M3::from(*root), q) == 1
     }
 
+    /// Largest angle by which a segment turns, rad.
+    pub fn largest_turn(&self) -> f64 {
+        self.exponent.iter().map(|e| e.psi.w.dot(e.psi.w)).fold(0.0, f64::max).sqrt()
+    }
+
     /// Number of points.
     pub fn points(&self) -> usize {
         self.pose.len()

@@ -44,7 +44,9 @@ impl GuideModel {
     ) -> bool {
         self.prepare_contact(env, state, t, &mut scratch.inputs);
         if env.bodies.is_empty() && scratch.inputs.ties.is_empty() {
-            return true;
+            // Loads of ties that held in the last step hold no more.
+            scratch.contact.clear();
+            return free;
         }
         let GuideState { q: start, v, transient, .. } = state;
         let (contact, solve) = self.body_contact_with(env, v, &mut transient.contact_cache, root, scratch);

@@ -308,15 +308,25 @@ impl GuideModel {
             load.add_spring(k, &(root.r * spring.anchor), stiffness);
         }
         state.transient.hair_force.iter().enumerate().for_each(|(k, f)| load.add_force(k, f));
-        self.add_loads(state, t1, &root, scratch);
+        self.add_loads(state, t1, formula, &root, scratch);
         root
     }
 
     /// Adds the forces and moments on the guide to the load of a step that ends at time `t`, s, with the root at
-    /// `root`. Where they turn with the rod, it is as at the start of the step, carried by the root.
-    fn add_loads(&self, state: &GuideState, t: f64, root: &Pose, scratch: &mut GuideScratch) {
-        let GuideScratch { solver, load, .. } = scratch;
-        if self.loads.iter().any(GuideLoad::needs_frames) {
+    /// `root`. Where they turn with the rod, it is as the last states let expect it at the end; with backward Euler,
+    /// which takes steps over which nothing can be expected, as at the start, carried by the root.
+    fn add_loads(
+        &self,
+        state: &GuideState,
+        t: f64,
+        formula: &DifferenceFormula,
+        root: &Pose,
+        scratch: &mut GuideScratch,
+    ) {
+        let GuideScratch { solver, load, q, .. } = scratch;
+        if self.loads.iter().any(GuideLoad::needs_frames)
+            && !(formula.looks_back() && solver.shape.update(&self.rod, &root.r, q))
+        {
             solver.shape.update(&self.rod, &root.r, &state.q[0]);
         }
         self.loads.iter().for_each(|of| of.add(t, &solver.shape, load));
