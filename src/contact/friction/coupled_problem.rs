@@ -55,7 +55,7 @@ impl CoupledFrictionProblem<'_> {
 
     /// The three rows of a strand in a contact.
     #[inline(always)]
-    fn rows(&self, strand: &StrandRows) -> [&[f64]; 3] {
+    fn rows_of(&self, strand: &StrandRows) -> [&[f64]; 3] {
         let n = strand.unknowns;
         let (normal, tangents) = self.rows[strand.offset..][..3 * n].split_at(n);
         let (first, second) = tangents.split_at(n);
@@ -75,7 +75,7 @@ impl CoupledFrictionProblem<'_> {
     pub(super) fn push(&self, w: &mut [f64], i: usize, r: &Vector3<f64>) {
         for strand in self.strands[i].iter().flatten() {
             let w = &mut w[strand.first_unknown..][..strand.unknowns];
-            let [normal, first, second] = self.rows(strand);
+            let [normal, first, second] = self.rows_of(strand);
             for (((w, n), a), b) in w.iter_mut().zip(normal).zip(first).zip(second) {
                 *w += n * r.x + a * r.y + b * r.z;
             }
@@ -89,7 +89,7 @@ impl CoupledFrictionProblem<'_> {
         for strand in self.strands[i].iter().flatten() {
             let w = &w[strand.first_unknown..][..strand.unknowns];
             let (wide, rest) = w.as_chunks::<ROW_WIDTH>();
-            let rows = self.rows(strand).map(<[f64]>::as_chunks::<ROW_WIDTH>);
+            let rows = self.rows_of(strand).map(<[f64]>::as_chunks::<ROW_WIDTH>);
             let mut sums = [[0.0; ROW_WIDTH]; 3];
             for (k, w) in wide.iter().enumerate() {
                 for (sum, (row, _)) in sums.iter_mut().zip(&rows) {
