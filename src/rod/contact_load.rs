@@ -15,9 +15,13 @@ use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Stiffness added at a contact along its constrained directions, relative to the rod's own stiffness there,
-/// if the contact forces make the Hessian indefinite, and more if that does not suffice, as near the load that buckles
-/// the rod between its constraints. It affects the convergence of the contact rounds, not their result.
-const STIFFENINGS: [f64; 2] = [1e2, 1e5];
+/// if the contact forces make the Hessian indefinite. It affects the convergence of the contact rounds, not
+/// their result.
+const STIFFENING: f64 = 1e2;
+
+/// The same of ties alone, if that does not suffice, as near the load that buckles the rod between them. Places that
+/// friction holds may have to slip, which so much would prevent.
+const STIFFENING_OF_TIES: f64 = 1e5;
 
 const AXES: [Vector3<f64>; 3] =
     [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0), Vector3::new(0.0, 0.0, 1.0)];
@@ -131,11 +135,12 @@ impl Solver {
         }
         self.factor.clone_from(matrix);
         let mut definite = cholesky::factor(&mut self.factor, n) == 1;
-        for stiffening in STIFFENINGS {
-            if definite {
+        for (stiffening, of_all) in [(STIFFENING, true), (STIFFENING_OF_TIES, false)] {
+            let stiffened = || contacts.iter().filter(move |contact| of_all || contact.is_of_tie());
+            if definite || stiffened().next().is_none() {
                 break;
             }
-            for contact in contacts {
+            for contact in stiffened() {
                 for d in contact.constrained() {
                     row.clear();
                     row.resize(n, 0.0);

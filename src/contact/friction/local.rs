@@ -83,8 +83,7 @@ impl LocalSolver {
         let c = self.coupling;
         let a = self.basis.tr_mul(&q.yz()) - c * q.x;
         let impulse = |s: f64| {
-            let [first, second] = [self.lambda.x + s, self.lambda.y + s];
-            let inverse = Vector2::new(second, first) * (1.0 / (first * second));
+            let inverse = self.lambda.map(|l| 1.0 / (l + s));
             let tangent = -a.component_mul(&inverse);
             (frictionless - c.dot(&tangent), tangent, inverse)
         };

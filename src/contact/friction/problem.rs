@@ -2,6 +2,7 @@
 
 use super::residual::Residual;
 use crate::geometry::Friction;
+use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 
 /// A frictional contact problem of c contacts; symbols as in the [module](super).
@@ -42,8 +43,7 @@ impl FrictionProblem<'_> {
         let stride = 3 * self.len();
         Vector3::from_fn(|row, _| {
             let k = 3 * i + row;
-            let line = &self.w[k * stride..(k + 1) * stride];
-            self.b[k] + line.iter().zip(r).map(|(w, r)| w * r).sum::<f64>()
+            self.b[k] + dot(&self.w[k * stride..(k + 1) * stride], r)
         })
     }
 

@@ -160,6 +160,19 @@ fn problems_with_more_contacts_than_freedoms_converge() {
 }
 
 #[test]
+fn next_to_no_friction_leaves_the_impulse_of_none() {
+    let mut random = Random::new(17);
+    for mu in [1e-9, 1e-100, 1e-300, f64::MIN_POSITIVE] {
+        for _ in 0..20 {
+            let w = random.delassus_block(1.0);
+            let q = Vector3::new(-1.0, random.draw(), random.draw());
+            let r = solve_local(&w, &q, mu.into());
+            assert!((r - Vector3::x() / w[(0, 0)]).norm() < 1e-8 * r.x, "{mu}: {r:?}");
+        }
+    }
+}
+
+#[test]
 fn sticking_uses_the_static_and_sliding_the_kinetic_coefficient() {
     let mut random = Random::new(13);
     let mut kinds = [0; 3];
