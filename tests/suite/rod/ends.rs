@@ -371,6 +371,16 @@ fn a_stiff_rod_on_a_pinned_root_swings_as_a_compound_pendulum() {
 }
 
 #[test]
+fn an_undamped_rod_on_a_pin_that_swings_beside_its_plane_does_not_spin() {
+    // Let go at 100° from hanging, by 0.1 out of a plane; all steps of six seconds have a solution.
+    let (sin, cos) = 100.0_f64.to_radians().sin_cos();
+    let direction = Vector3::new(sin * 0.1_f64.cos(), -cos, sin * 0.1_f64.sin());
+    let model = GuideModel { scheme: Scheme::FourStep, ..pinned(direction, 6.6e-6 * 9.81, BENDING) };
+    let Run { state, .. } = run(&model, &Environment::at_rest(Bodies::default()), 1.0 / 192.0, 6 * 192);
+    assert!(state.x.iter().all(|x| x.norm() < 1.001 * LENGTH));
+}
+
+#[test]
 fn a_pinned_rod_falls_and_comes_to_hang() {
     // From beside to below its root, with damping of the air.
     let mut model = pinned(Vector3::x(), 6.6e-6 * 9.81, BENDING);
