@@ -184,11 +184,7 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
         let first = *taken - i64::from(model.anim.settings.substeps);
         let frame = [first, *taken].map(|taken| model.time_after(taken));
         let hair_volume = hair_volume.as_ref();
-        let hair = |i: usize| {
-            let mut drag = hair_volume.map_or_else(NeighbourDrag::default, |volume| volume.opposition(i));
-            drag.air += model.wisp_friction.as_ref().map_or(0.0, |friction| friction.rate(i));
-            drag
-        };
+        let hair = |i: usize| hair_volume.map_or_else(NeighbourDrag::default, |volume| volume.opposition(i));
         let none = || vec![Vec::new(); guides.len()];
         let apart = hair_volume.map_or_else(none, |volume| volume.forces_apart(&model.guides, env, frame[1]));
         wisps.advance_modes(&model.guides, hair, &apart, env, frame);

@@ -101,11 +101,6 @@ impl WispFriction {
         (!wisps.is_empty()).then_some(WispFriction { wisps, guides })
     }
 
-    /// Decay rate of the velocity of guide `i` relative to its wisp, 1/s.
-    pub fn rate(&self, i: usize) -> f64 {
-        self.guides[i].rate
-    }
-
     /// Sets the friction forces on the guides over a step of `h`, s, that starts with what carries guide `i`
     /// at `carrier(i)`. `leader` maps each guide to the active guide that it moves with.
     pub fn apply(

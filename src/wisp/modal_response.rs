@@ -47,7 +47,7 @@ pub struct ForceApart {
 pub struct NeighbourDrag {
     /// Bound of friction per mass, m/s².
     pub friction: f64,
-    /// Drag of the air between hairs, and friction within the wisp, 1/s.
+    /// Drag of the air between hairs, 1/s.
     pub air: f64,
 }
 
