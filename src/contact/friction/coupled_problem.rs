@@ -98,9 +98,10 @@ impl CoupledFrictionProblem<'_> {
                     }
                 }
             }
-            for (d, ([a, b, c, d0, e, f, g, h], (_, row))) in sums.into_iter().zip(&rows).enumerate() {
+            for (axis, (sum, (_, row))) in sums.into_iter().zip(&rows).enumerate() {
+                let [a, b, c, d, e, f, g, h] = sum;
                 let of_rest = row.iter().zip(rest).map(|(y, w)| y * w).sum::<f64>();
-                u[d] += ((a + e) + (b + f)) + ((c + g) + (d0 + h)) + of_rest;
+                u[axis] += ((a + e) + (b + f)) + ((c + g) + (d + h)) + of_rest;
             }
         }
         u

@@ -344,6 +344,8 @@ fn an_imported_scene_bakes_to_a_cache_with_pictures() {
     let folder = scene.folder.path().to_string_lossy();
     assert!(notes.contains("8 kept") && !notes.contains(&*folder), "{notes}");
     assert!(manifest["totals"]["length_drift"].as_f64().unwrap() < 1.0);
+    let turn = manifest["totals"]["segment_turn_rad"].as_f64().unwrap();
+    assert!(1e-3 < turn && turn < 3.0, "{turn}");
     let inputs: Vec<_> = manifest["inputs"].as_array().unwrap().iter().collect();
     let roles: Vec<_> = inputs.iter().map(|i| i["role"].as_str().unwrap()).collect();
     assert_eq!(roles, ["groom", "buffer", "anim", "collider"]);
