@@ -76,7 +76,8 @@ impl LocalSolver {
             return Vector3::zeros();
         }
         let frictionless = -q.x / self.normal;
-        if mu_s == 0.0 {
+        // Interpolated along a strand, no friction may be a little less than none.
+        if mu_s <= 0.0 {
             return Vector3::new(frictionless, 0.0, 0.0);
         }
         // In the eigenbasis of A.
@@ -88,7 +89,7 @@ impl LocalSolver {
             (frictionless - c.dot(&tangent), tangent, inverse)
         };
         let (mut normal, mut tangent, _) = impulse(0.0);
-        if tangent.norm() > mu_s * normal && mu_k == 0.0 {
+        if tangent.norm() > mu_s * normal && mu_k <= 0.0 {
             return Vector3::new(frictionless, 0.0, 0.0);
         }
         if tangent.norm() > mu_s * normal {
