@@ -15,6 +15,13 @@ use nalgebra::DVector;
 /// Maximum number of steps.
 const STEPS: u32 = 60;
 
+/// τ at the start over the residual of the impulses that it starts from: what is nearly solved needs little smoothing,
+/// and a fifth to a half of the steps.
+const START: f64 = 10.0;
+
+/// Largest τ at the start.
+const MOST_SMOOTHED: f64 = 1.0;
+
 /// Factors on τ after a good step and after a fair one.
 const GOOD: f64 = 0.3;
 const FAIR: f64 = 0.7;
@@ -60,7 +67,7 @@ pub(super) fn descend(
     // τ is constant within a step.
     let mut border = DVector::zeros(n + 1);
     border[n] = 1.0;
-    let mut tau = 1.0;
+    let mut tau = MOST_SMOOTHED.min(START * best);
     for _ in 0..STEPS {
         if best <= tolerance || !budget.take() {
             break;

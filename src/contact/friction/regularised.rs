@@ -6,6 +6,7 @@
 
 use super::smoothed_law::SmoothedLaw;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Compliance of every contact, as a fraction of its own mobility.
 pub(super) const COMPLIANCE: f64 = 1e-6;
@@ -109,6 +110,30 @@ struct Eliminated {
     right: Vector3<f64>,
 }
 
+/// Adds Gᵢ (A⁻¹ U Gᵢᵀ), with the three columns of G of one contact, to the leading block of `sum`, which has one more
+/// row and column; all are stored by columns. The order of operations is the same on all processors.
+struct AddProduct<'a> {
+    own: &'a [f64],
+    by_z: &'a [f64],
+    sum: &'a mut [f64],
+}
+
+impl WithSimd for AddProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let k = self.own.len() / 3;
+        let [first, second, third] = [0, 1, 2].map(|c| &self.own[c * k..][..k]);
+        for (j, column) in self.sum.chunks_exact_mut(k + 1).take(k).enumerate() {
+            let [a, b, c] = [self.by_z[j], self.by_z[k + j], self.by_z[2 * k + j]];
+            for (((sum, x), y), z) in column.iter_mut().zip(first).zip(second).zip(third) {
+                *sum += x * a + y * b + z * c;
+            }
+        }
+    }
+}
+
 impl BorderedSystem<'_> {
     /// Block A of a contact: the derivative of its law by its own impulse, without W.
     fn own_block(law: &SmoothedLaw) -> Matrix3<f64> {
@@ -137,19 +162,21 @@ impl BorderedSystem<'_> {
         let mut right = DVector::zeros(k + 1);
         (system[(k, k)], right[k]) = (self.border[n], self.right[n]);
         let mut eliminated = Vec::with_capacity(roots.len());
-        let (mut row, mut border) = (DVector::zeros(k), DVector::zeros(k));
+        let (mut by_z, mut border) = (DMatrix::zeros(k, 3), DVector::zeros(k));
+        let arch = Arch::new();
         for (i, (law, root)) in self.laws.iter().zip(roots).enumerate() {
             let contact = self.eliminate(i, law, *root)?;
             let along: Vector3<f64> = self.border.fixed_rows::<3>(3 * i) / *root;
-            for c in 0..3 {
-                row.fill(0.0);
-                (0..3).for_each(|d| row.axpy(contact.by_z[(c, d)], &g.column(3 * i + d), 1.0));
-                let own = g.column(3 * i + c);
-                system.view_mut((0, 0), (k, k)).ger(1.0, &own, &row, 1.0);
-                system.column_mut(k).rows_mut(0, k).axpy(contact.by_tau[c], &own, 1.0);
-                right.rows_mut(0, k).axpy(contact.right[c], &own, 1.0);
-                border.axpy(-along[c], &row, 1.0);
-            }
+            let own = g.fixed_columns::<3>(3 * i);
+            by_z.gemm(1.0, &own, &contact.by_z.transpose(), 0.0);
+            arch.dispatch(AddProduct {
+                own: &g.as_slice()[3 * i * k..][..3 * k],
+                by_z: by_z.as_slice(),
+                sum: system.as_mut_slice(),
+            });
+            system.column_mut(k).rows_mut(0, k).gemv(1.0, &own, &contact.by_tau, 1.0);
+            right.rows_mut(0, k).gemv(1.0, &own, &contact.right, 1.0);
+            border.gemv(-1.0, &by_z, &along, 1.0);
             system[(k, k)] -= along.dot(&contact.by_tau);
             right[k] -= along.dot(&contact.right);
             eliminated.push(contact);
