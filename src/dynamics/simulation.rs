@@ -6,13 +6,13 @@ use super::batch::Batches;
 use super::checkpoint::{Checkpoint, StateMismatch};
 use super::coupled_substep::CoupledSubstep;
 use super::environment::{Environment, SkinsAtRest};
-use super::guide::{ContactMode, GuideState};
+use super::guide::{ContactMode, GuideModel, GuideState};
 use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
 use super::hair_volume::{HairVolume, HairVolumeState};
 use super::model::Model;
 use super::step_record::{HairRecord, StepRecord};
-use super::strand_contact::{RECOVERY_SPEED, StrandContacts};
+use super::strand_contact::{BundleProperties, RECOVERY_SPEED, StrandContacts};
 use super::wisp_friction::CarrierVelocity;
 use super::wisps::{AdaptiveTree, WispChanges};
 use crate::contact::{Bodies, Body};
@@ -260,8 +260,12 @@ impl<'a> Simulation<'a> {
         env.bodies.prepare([t, t]);
         let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
         let skins = skins_at_rest(anim, t);
-        let start = |guide| GuideState::on_skins(guide, &thickness, &env, skins.as_ref(), [t, h]);
-        let guides: Vec<GuideState> = model.guides.par_iter().map(start).collect();
+        let start = |(guide, bundle): (&GuideModel, &BundleProperties)| {
+            // The axis of a hair is never nearer than its surface allows.
+            let kept: Vec<f64> = thickness.iter().map(|d| d.max(bundle.hair_radius)).collect();
+            GuideState::on_skins(guide, &kept, &env, skins.as_ref(), [t, h])
+        };
+        let guides: Vec<GuideState> = model.guides.par_iter().zip(&model.bundles).map(start).collect();
         let lengths = |(state, guide): (&GuideState, _)| state.segment_lengths(guide);
         let initial_lengths = guides.iter().zip(&model.guides).map(lengths).collect();
         let wisps = match anim.resolution() {

@@ -21,6 +21,12 @@ const LEAST: f64 = 0.017;
 /// Norm of the mean tangent of a turn of hair below which it winds too tightly to have a direction.
 const TIGHT: f64 = 0.1;
 
+/// Vector whose product with a mean tangent is 1 for hair along a piece with the mean unit tangent of a turn `axis`:
+/// hair that winds as much as this has the direction t̄, not a unit one.
+pub(super) fn course(axis: &Vector3<f64>) -> Vector3<f64> {
+    axis / axis.norm_squared().max(f64::MIN_POSITIVE)
+}
+
 /// The hair that crosses a piece of hair.
 pub(super) struct Crossing {
     /// χ: its share of the hair around the piece.
@@ -39,8 +45,7 @@ impl Crossing {
         if straightness < TIGHT {
             return None;
         }
-        // Hair that winds as much as this has the direction t̄, not a unit one.
-        let course = axis / (straightness * straightness);
+        let course = course(axis);
         let share = 1.0 - hair.direction.dot(&course);
         if share < LEAST {
             return None;

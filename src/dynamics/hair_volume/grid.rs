@@ -21,7 +21,7 @@ const ABSENT: u32 = u32::MAX;
 pub(super) type Node = [f64; ENTRIES];
 
 /// Number of values at a node.
-pub(super) const ENTRIES: usize = 11;
+pub(super) const ENTRIES: usize = 12;
 
 /// A node in a line and a half of the processor's cache.
 #[derive(Debug, Clone, Copy, Default)]

@@ -31,7 +31,7 @@ use crossing::Crossing;
 use follower::{Between, Beyond, Led};
 use grid::{Grid, Node, Stencil};
 use law::{Assembly, Fibre, Resistance};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use part::Part;
 use piece::Piece;
 use rayon::prelude::*;
@@ -406,7 +406,7 @@ impl HairVolume {
             *stencil = grid.stencil(&piece.x);
             let fraction = piece.volume / cell_volume;
             let [v, d, x] = [piece.undragged, piece.tangent, piece.x].map(|of| of * fraction);
-            *deposit = [fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0, x.x, x.y, x.z];
+            *deposit = [fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0, x.x, x.y, x.z, 0.0];
         });
         grid.make_blocks(stencils);
         grid.sum(stencils, deposits);
@@ -434,6 +434,7 @@ impl HairVolume {
                 let unopposed = slip;
                 if let Some(crossing) = Crossing::of((grid, stencil), &assembly, axis) {
                     piece.repulsion = crossing.repulsion(&hairs.fibre, rest.crossing, max_speed);
+                    piece.crossing = crossing.fraction;
                     let stopped = crossing.stopped(&slip, rest.crossing, piece.eta);
                     let pressed = stopped.norm() + mobility * hairs.fibre.area * piece.repulsion.norm();
                     resistance.press(pressed * hairs.fibre.friction);
@@ -445,20 +446,47 @@ impl HairVolume {
             },
         );
         grid.add_entry(stencils, PRESSURE, deposits);
+        let all = pieces.par_iter_mut().zip(&*hairs).zip(&*stencils).with_min_len(MIN_PIECES);
+        all.filter(|((piece, _), _)| !piece.absent).for_each(|((piece, hairs), stencil)| {
+            // −∂/∂x of the energy Σ V u(φ), as deposited.
+            let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
+            piece.pressure = -grid.gradient(stencil, energy) * hairs.fibre.area;
+        });
+        self.push_apart();
         self.sum_wisps();
+    }
+
+    /// Adds to the pressure the repulsion of hair that crosses: half by each piece's own law, and half by the laws of
+    /// the pieces around it, so that what pushes is pushed back. The grid holds these pushes then.
+    fn push_apart(&mut self) {
+        let HairVolume { hairs, pieces, axes, stencils, deposits, grid, .. } = self;
+        if pieces.iter().all(|piece| piece.repulsion == Vector3::zeros()) {
+            return;
+        }
+        // A piece is pushed by what crosses it, each in proportion to its part of the sum that `crossing` is.
+        let all = pieces.par_iter().zip(&mut *deposits).zip(&*axes).with_min_len(MIN_PIECES);
+        all.for_each(|((piece, deposit), axis)| {
+            let force = piece.repulsion * (piece.volume / piece.crossing.max(f64::MIN_POSITIVE));
+            let by_course = force * crossing::course(axis).transpose();
+            deposit[..3].copy_from_slice(force.as_slice());
+            deposit[3..].copy_from_slice(by_course.as_slice());
+        });
+        grid.sum(stencils, deposits);
+        let cell_volume = grid.cell_volume();
+        let all = pieces.par_iter_mut().zip(&*hairs).zip(&*stencils).with_min_len(MIN_PIECES);
+        all.filter(|((piece, _), _)| !piece.absent).for_each(|((piece, hairs), stencil)| {
+            let values = grid.values(stencil);
+            let pushed = Vector3::from_column_slice(&values[..3])
+                - Matrix3::from_column_slice(&values[3..]) * piece.tangent;
+            piece.repulsion = 0.5 * (piece.repulsion - pushed / cell_volume);
+            piece.pressure += piece.repulsion * hairs.fibre.area;
+        });
     }
 
     /// Finds the forces on wisps: a guide that leads others moves as they do on average, under the mean of
     /// the forces on all of them.
     fn sum_wisps(&mut self) {
-        let HairVolume { hairs, history, between, pieces, beyond, stencils, grid, .. } = self;
-        let all = pieces.par_iter_mut().zip(&*hairs).zip(&*stencils).with_min_len(MIN_PIECES);
-        all.filter(|((piece, _), _)| !piece.absent).for_each(|((piece, hairs), stencil)| {
-            // −∂/∂x of the energy Σ V u(φ), as deposited.
-            let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
-            let force = piece.repulsion - grid.gradient(stencil, energy);
-            piece.pressure = force * hairs.fibre.area;
-        });
+        let HairVolume { history, between, pieces, beyond, .. } = self;
         let constants = pieces.par_iter().zip(&*between).zip(&*history);
         let all = beyond.par_iter_mut().zip(constants).with_min_len(MIN_PIECES);
         all.for_each(|(beyond, ((piece, between), history))| {

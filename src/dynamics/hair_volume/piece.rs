@@ -38,7 +38,9 @@ pub(super) struct Piece {
     pub slip: Vector3<f64>,
     /// Acceleration by its neighbours' drag over the sub-step, m/s².
     pub drag: Vector3<f64>,
-    /// Force per volume by which it keeps out of hair that crosses it, N/m³.
+    /// Volume fraction of the hair that crosses it; 0 where too little does.
+    pub crossing: f64,
+    /// Force per volume by which it and that hair keep out of each other, N/m³.
     pub repulsion: Vector3<f64>,
     /// Force per length of the pressure, with the repulsion, N/m.
     pub pressure: Vector3<f64>,

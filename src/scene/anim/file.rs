@@ -209,8 +209,8 @@ pub struct ColliderFile {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub static_friction: Option<f64>,
-    /// Distance kept between the shape and the strands, m. Higher hides gaps of a coarse mesh. Default
-    /// 0.0005, half a millimetre.
+    /// Distance kept between the shape and the axes of the strands, m, at least the radius of the strand. Higher hides
+    /// gaps of a coarse mesh. Default 0.0005, half a millimetre.
     #[serde(default = "thickness")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub thickness_m: f64,

@@ -103,7 +103,7 @@ pub struct Collider {
     pub deformation: Option<Arc<Deformation>>,
     /// Its friction; `None` for that of the strand.
     pub friction: Option<Friction>,
-    /// Distance kept between the shape and the strands, m.
+    /// Distance kept between the shape and the axes of the strands, m; guides keep at least their radius.
     pub thickness: f64,
 }
 

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -380,3 +381,27 @@ print(json.dumps([len(curves.curves), list(curves.points[0].position), curves.po
     assert count == len(cache.hair.counts)
     assert np.allclose([x, z, -y], first, atol=1e-6)
     assert radius == pytest.approx(0.5 * cache.hair.widths[0] * cache.metres_per_unit)
+
+
+@needs_hairbake
+@pytest.mark.parametrize(
+    ("rod", "thickness", "drum"),
+    [
+        (Rod(length=0.16, damping=0.005, drag=1.0), 0.0, 9e-4),
+        (Rod(0.16, (2e-6, 2e-6), 1.5e-6, 0.016, damping=0.01, radius=2e-3), 5e-4, 0.01),
+    ],
+)
+def test_a_strand_lies_on_its_surface(rod: Rod, thickness: float, drum: float) -> None:
+    """Across a drum: its axis keeps at least its radius, whatever the thickness of the drum."""
+    points = straight(rod, (1, 0, 0), (-0.06, drum + 0.004, 0))
+    shape = {"type": "capsule", "ends": [[0, 0, -0.1], [0, 0, 0.1]], "radius": drum}
+    collider = {"name": "drum", "shape": shape, "thickness_m": thickness}
+    scene = Scene([Strand(rod, points, HORIZONTAL)], frames=40, colliders=[collider])
+    places = simulate(scene).points[0]
+    along = np.linspace(0, 1, 20)[:, None]
+    pieces = [[a + along * (b - a) for a, b in pairwise(x)] for x in places]
+    near = [float(np.hypot(*piece.T[:2]).min()) for x in pieces for piece in x]
+    assert drum + 0.7 * rod.radius < min(near) < drum + 1.3 * rod.radius
+    # Where it first comes over the axis of the drum.
+    over = [next(piece[0] for piece in x if piece[-1, 0] > 0) for x in pieces]
+    assert min(place[1] for place in over) > drum
