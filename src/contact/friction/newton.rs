@@ -15,8 +15,9 @@ use nalgebra::DVector;
 /// Maximum number of steps.
 const STEPS: u32 = 60;
 
-/// τ at the start over the residual of the impulses that it starts from: what is nearly solved needs little smoothing,
-/// and a fifth to a half of the steps.
+/// τ at the start over the residual of the impulses that it starts from: what is nearly solved needs little smoothing.
+/// A rod that lies on a floor takes half as many systems as from [`MOST_SMOOTHED`], with 100 times the residual three
+/// quarters.
 const START: f64 = 10.0;
 
 /// Largest τ at the start.
