@@ -1,7 +1,7 @@
 //! Narrow phase in time: crossings of segments and their time of impact.
 
 use super::strands::{ClosestPair, MovingStrands, SegmentContact, SegmentPair};
-use crate::contact::ccd::{OVERLAP, SEPARATION, STEPS, TOLERANCE};
+use crate::contact::ccd::{OVERLAP, STEPS, TOLERANCE};
 use nalgebra::Vector3;
 
 /// Distance, m, at which segments count as intersecting: above rounding, far below any clearance between
@@ -10,6 +10,20 @@ const INTERSECTING: f64 = 1e-9;
 
 /// Iterations of a bisection in time.
 const BISECTIONS: usize = 60;
+
+/// Samples of the time in which a pair that is too close at a place of a segment beside may meet.
+const SAMPLES: u32 = 8;
+
+/// Bisections of the time between two samples.
+const REFINEMENTS: usize = 10;
+
+/// Share of the distance at the start at which a pair meets that lies beside one that is too close there: nearer, it is
+/// where that one has slid away.
+pub(super) const NEIGHBOUR_SHARE: f64 = 0.99;
+
+/// Share of its distance at the start at which a pair that is in contact there meets anew: segments that turn a lot in a
+/// sub-step slip past their contacts, which keep the distance along their normals alone.
+pub const TOUCHING_SHARE: f64 = 0.55;
 
 impl MovingStrands<'_> {
     /// Whether the segments of a pair pass through each other during the sub-step: whether their ends become
@@ -41,12 +55,16 @@ impl MovingStrands<'_> {
         })
     }
 
-    /// The first time at which a pair comes too close, as a fraction of the sub-step, and the contact then.
-    /// Too close is nearer than `clearance`, m, or, for a pair that is so from the start, a fifth of its
-    /// initial distance: what is apart stays apart, however often it is stopped.
+    /// The first time at which a pair meets, as a fraction of the sub-step, and the contact then: at which it is too
+    /// close, at a place that belongs to no segment beside it. A strand that slides along another meets it with the
+    /// segments before it, not with the vertices that come its way, which are as near as those, but at an angle.
+    ///
+    /// Too close is nearer than `clearance`, m, or, where the strands are so from the start, a share of their initial
+    /// distance: what is apart stays apart, however often it is stopped.
     ///
     /// Conservative advancement along the direction between the closest points, as for bodies
-    /// (`contact::ccd`): each end of one segment against each end of the other.
+    /// (`contact::ccd`): each end of one segment against each end of the other. Where the place belongs to a segment
+    /// beside, samples of the time that is left.
     pub fn impact(&self, closest: &ClosestPair, clearance: f64) -> Option<(SegmentContact, f64)> {
         if self.distance_lower_bound(closest) > clearance {
             return None;
@@ -55,27 +73,50 @@ impl MovingStrands<'_> {
         let start = [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)];
         let end = [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)];
         let velocity = [0, 1].map(|s| [0, 1].map(|i| end[s][i] - start[s][i]));
-        let scale = clearance.min(closest.distance);
+        let around = self.distance_around(closest);
+        let scale = clearance.min(around);
         if scale <= OVERLAP {
             return None;
         }
-        let share = if closest.distance > clearance { 1.0 } else { SEPARATION };
+        let share = match around > clearance {
+            true => 1.0,
+            false if self.belongs_to_neighbours(closest, 0.0) => NEIGHBOUR_SHARE,
+            false => TOUCHING_SHARE,
+        };
         let (minimum, stop) = (share * scale, (share + TOLERANCE) * scale);
-        let mut closest = *closest;
-        let mut ends = start;
-        let mut t = 0.0;
+        // Where they are in contact, what counts is how near they end.
+        if around <= clearance && self.end_distance(pair) >= minimum && !self.crosses(pair) {
+            return None;
+        }
+        let ends = |t: f64| [0, 1].map(|s: usize| [0, 1].map(|i: usize| start[s][i] + velocity[s][i] * t));
+        let at = |t: f64| Self::closest(pair, ends(t));
+        let (mut first, mut t) = (*closest, 0.0);
         for _ in 0..STEPS {
-            t += safe_time(&closest.normal, &ends, &velocity, minimum);
+            t += safe_time(&first.normal, &ends(t), &velocity, minimum);
             if t >= 1.0 {
                 return None;
             }
-            ends = [0, 1].map(|s| [0, 1].map(|i| start[s][i] + velocity[s][i] * t));
-            closest = Self::closest(pair, ends);
-            if closest.distance <= stop {
+            first = at(t);
+            if first.distance <= stop {
                 break;
             }
         }
-        Some((self.contact(&closest), t))
+        if !self.belongs_to_neighbours(&first, t) {
+            return Some((self.contact(&first), t));
+        }
+        let meets = |t: f64| {
+            let closest = at(t);
+            closest.distance <= stop && !self.belongs_to_neighbours(&closest, t)
+        };
+        let mut samples = (1..=SAMPLES).map(|i| t + (1.0 - t) * f64::from(i) / f64::from(SAMPLES));
+        let Some(mut met) = samples.find(|&t| meets(t)) else {
+            return self.crosses(pair).then(|| (self.contact(&first), t));
+        };
+        for _ in 0..REFINEMENTS {
+            let middle = 0.5 * (t + met);
+            if meets(middle) { met = middle } else { t = middle }
+        }
+        Some((self.contact(&at(met)), met))
     }
 }
 

@@ -8,6 +8,7 @@ mod broad_phase;
 mod impact;
 mod strands;
 
+pub use impact::TOUCHING_SHARE;
 pub use strands::{ClosestPair, MovingStrands, SegmentContact, SegmentPair};
 
 #[cfg(test)]

@@ -46,6 +46,9 @@ pub struct SegmentContact {
     pub distance: f64,
 }
 
+/// Most segments that lie between a pair and the one that its closest points belong to.
+const MAX_NEIGHBOURS: usize = 4;
+
 impl MovingStrands<'_> {
     /// Whether a segment starts at vertex `k`.
     pub(super) fn is_segment(&self, k: usize) -> bool {
@@ -100,30 +103,55 @@ impl MovingStrands<'_> {
     /// The contact at the closest points at the start of the sub-step. `None` if they are at a vertex and
     /// belong to the segment next to it, or if the segments intersect, so that there is no direction.
     pub fn contact_candidate(&self, closest: &ClosestPair) -> Option<SegmentContact> {
-        let ClosestPair { pair, u, normal, distance } = *closest;
-        let of_neighbour = || {
-            self.belongs_to_neighbour(pair.0, u[0], &normal)
-                || self.belongs_to_neighbour(pair.1, u[1], &-normal)
-        };
-        (distance > OVERLAP && !of_neighbour()).then(|| self.contact(closest))
+        let distance = closest.distance;
+        (distance > OVERLAP && !self.belongs_to_neighbours(closest, 0.0)).then(|| self.contact(closest))
+    }
+
+    /// Whether one of the closest points of a pair at time `t`, a fraction of the sub-step, is at a vertex and belongs to
+    /// the segment next to it.
+    pub(super) fn belongs_to_neighbours(&self, closest: &ClosestPair, t: f64) -> bool {
+        let ClosestPair { pair, u, normal, .. } = closest;
+        self.neighbour(pair.0, u[0], normal, t).is_some()
+            || self.neighbour(pair.1, u[1], &-normal, t).is_some()
+    }
+
+    /// Distance of two strands around a pair at the start of the sub-step, m: that of the pair or, where its closest
+    /// points belong to segments next to it, theirs.
+    pub fn distance_around(&self, closest: &ClosestPair) -> f64 {
+        let mut closest = *closest;
+        for _ in 0..MAX_NEIGHBOURS {
+            let ClosestPair { pair, u, normal, .. } = closest;
+            let next = [
+                self.neighbour(pair.0, u[0], &normal, 0.0).map(|k| (k, pair.1)),
+                self.neighbour(pair.1, u[1], &-normal, 0.0).map(|l| (pair.0, l)),
+            ];
+            let may_meet = next.into_iter().flatten().filter(|(k, l)| self.may_meet(*k, *l));
+            let nearer = may_meet.map(|pair| self.closest_pair(pair));
+            match nearer.filter(|next| next.distance < closest.distance).reduce(nearest) {
+                Some(next) => closest = next,
+                None => break,
+            }
+        }
+        closest.distance
     }
 
     /// The contact at the closest points of a pair, for the current vertices at the end of the sub-step.
-    pub(super) fn contact(&self, closest: &ClosestPair) -> SegmentContact {
+    pub fn contact(&self, closest: &ClosestPair) -> SegmentContact {
         let ClosestPair { pair, u, normal, .. } = *closest;
         let contact = SegmentContact { pair, u, normal, distance: 0.0 };
         SegmentContact { distance: self.distance(&contact), ..contact }
     }
 
-    /// Whether a closest point at `u` on segment `k`, in direction `normal` from the other strand, belongs to
-    /// a segment next to it: a vertex belongs to the segment on its root side, unless the one on its tip side
-    /// is still closer.
-    fn belongs_to_neighbour(&self, k: u32, u: f64, normal: &Vector3<f64>) -> bool {
-        let k = k as usize;
+    /// The segment next to `k` that a closest point at `u` on it, in direction `normal` from the other strand, belongs to
+    /// at time `t`: a vertex belongs to the segment on its root side, unless the one on its tip side is still closer.
+    fn neighbour(&self, k: u32, u: f64, normal: &Vector3<f64>, t: f64) -> Option<u32> {
+        let first = k as usize;
         if u == 0.0 {
-            return k > 0 && self.strand[k - 1] == self.strand[k];
+            return (first > 0 && self.strand[first - 1] == self.strand[first]).then(|| k - 1);
         }
-        u == 1.0 && self.is_segment(k + 1) && normal.dot(&(self.x0[k + 2] - self.x0[k + 1])) < 0.0
+        let at = |k: usize| self.x0[k].lerp(&self.x1[k], t);
+        let is_closer = || normal.dot(&(at(first + 2) - at(first + 1))) < 0.0;
+        (u == 1.0 && self.is_segment(first + 1) && is_closer()).then(|| k + 1)
     }
 
     /// Distance at a contact along its normal, for the current vertices at the end of the sub-step, m.
@@ -159,4 +187,9 @@ impl MovingStrands<'_> {
         });
         0.5 * (a + b)
     }
+}
+
+/// The nearer of two.
+fn nearest(a: ClosestPair, b: ClosestPair) -> ClosestPair {
+    if b.distance < a.distance { b } else { a }
 }

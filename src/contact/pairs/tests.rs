@@ -1,5 +1,6 @@
+use super::impact::NEIGHBOUR_SHARE;
 use super::*;
-use crate::contact::ccd::{SEPARATION, TOLERANCE};
+use crate::contact::ccd::TOLERANCE;
 use crate::geometry::segment_segment;
 use crate::math::random::Random;
 use nalgebra::Vector3;
@@ -75,23 +76,41 @@ fn impacts_agree_with_sampled_distances() {
         let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand, arc: &arc };
         for pair in all_pairs(&strands) {
             let closest = strands.closest_pair(pair);
-            let least = (0..=400)
-                .map(|i| {
-                    let t = f64::from(i) / 400.0;
-                    let x: Vec<_> = x0.iter().zip(&x1).map(|(a, b)| a.lerp(b, t)).collect();
-                    MovingStrands { x0: &x, x1: &x, strand: &strand, arc: &arc }.closest_pair(pair).distance
-                })
-                .fold(f64::INFINITY, f64::min);
+            let at = |t: f64| {
+                let ends = |k: u32| [0, 1].map(|i| x0[k as usize + i].lerp(&x1[k as usize + i], t));
+                MovingStrands::closest(pair, [ends(pair.0), ends(pair.1)])
+            };
+            let samples: Vec<(f64, ClosestPair)> =
+                (0..=400).map(|i| f64::from(i) / 400.0).map(|t| (t, at(t))).collect();
+            let least = samples.iter().map(|(_, c)| c.distance).fold(f64::INFINITY, f64::min);
             assert!(least >= strands.distance_lower_bound(&closest));
-            let scale = clearance.min(closest.distance);
-            let share = if closest.distance > clearance { 1.0 } else { SEPARATION };
+            let around = strands.distance_around(&closest);
+            let scale = clearance.min(around);
+            let beside = strands.belongs_to_neighbours(&closest, 0.0);
+            let of_distance = if beside { NEIGHBOUR_SHARE } else { TOUCHING_SHARE };
+            let share = if around > clearance { 1.0 } else { of_distance };
             match strands.impact(&closest, clearance) {
-                None => assert!(least > 0.99 * share * scale, "{pair:?} passed at {least}"),
-                Some((hit, _)) => {
+                None => {
+                    // Nowhere of its own for longer than the samples of the time that is left are apart.
+                    let meets = |(t, c): &(f64, ClosestPair)| {
+                        c.distance < 0.99 * share * scale && !strands.belongs_to_neighbours(c, *t)
+                    };
+                    let longest = samples.split(|sample| !meets(sample)).map(<[_]>::len).max().unwrap();
+                    let may_come_near = around <= clearance && at(1.0).distance >= share * scale;
+                    assert!(longest <= 50 || may_come_near, "{pair:?} passes at {least}");
+                    assert!(!strands.crosses(pair), "{pair:?}");
+                }
+                Some((hit, time)) => {
                     hits += 1;
                     // The samples miss the instant by a four-hundredth of the motion.
                     assert!(least < (share + TOLERANCE) * scale + 4e-4, "{pair:?} stays at {least}");
                     assert!((hit.normal.norm() - 1.0).abs() < 1e-12);
+                    let met = at(time);
+                    assert!((hit.normal - met.normal).norm() < 1e-9, "{hit:?} {met:?}");
+                    assert!(
+                        !strands.belongs_to_neighbours(&met, time) || strands.crosses(pair),
+                        "{pair:?} meets beside"
+                    );
                 }
             }
         }

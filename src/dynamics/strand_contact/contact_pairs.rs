@@ -6,7 +6,7 @@
 
 use super::contact_law::{BundlePair, BundleProperties, REACH};
 use super::contact_pair::{ContactHistory, ContactPair};
-use crate::contact::pairs::{ClosestPair, MovingStrands, SegmentContact, SegmentPair};
+use crate::contact::pairs::{ClosestPair, MovingStrands, SegmentContact, SegmentPair, TOUCHING_SHARE};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -39,11 +39,6 @@ const MAX_SLIDE: f64 = 2.0;
 
 /// Distance within which an impact is a consequence of an earlier one, in segments summed over both guides.
 const CONSEQUENCE_DISTANCE: f64 = 3.0;
-
-/// Share of the distance of two segments at the start, and of the one that they keep, below which they touch at
-/// the end: segments that turn a lot in a sub-step slip past contacts beside them, which keep their distance
-/// along their normals alone.
-const TOUCHING_SHARE: f64 = 0.5;
 
 /// Arc length within which a guide does not meet itself, over the largest distance that it must keep from
 /// itself: half a turn as tight as that distance allows.
@@ -218,9 +213,16 @@ impl ContactPairs {
         self.strands().slip(&contact.contact)
     }
 
-    /// Share of the distance of a contact that its segments lack at the end.
-    pub fn missing(&self, contact: &ContactPair) -> f64 {
-        (1.0 - self.strands().end_distance(contact.contact.pair) / contact.lawful).max(0.0)
+    /// The pairs that lack some of their distance at the end, each with the share of it that is missing.
+    pub fn missing(&self) -> Vec<(SegmentPair, f64)> {
+        let strands = self.strands();
+        let missing = |Candidate { closest, required }: &Candidate| {
+            let end = strands.end_distance(closest.pair);
+            let share =
+                (end < *required).then(|| 1.0 - end / self.new_contact(strands.contact(closest)).lawful)?;
+            (share > 0.0).then_some((closest.pair, share))
+        };
+        self.candidates.par_iter().filter_map(missing).collect()
     }
 
     /// Begins a sub-step of `duration`, s: finds the contacts at its start and the impacts on the way to the
@@ -382,7 +384,8 @@ impl ContactPairs {
     }
 
     fn new_contact(&self, contact: SegmentContact) -> ContactPair {
-        let before = self.strands().closest_pair(contact.pair).distance;
+        let strands = self.strands();
+        let before = strands.distance_around(&strands.closest_pair(contact.pair));
         let known = self.find_history(&contact);
         let limit = known.map_or(before, |k| k.limit.max(before));
         let bundles = self.bundle_pair(contact.pair);
@@ -396,7 +399,7 @@ impl ContactPairs {
             lawful,
             limit,
             local_axes: bundles.axes(&contact.normal),
-            cohesion: bundles.cohesion(before - lawful, self.strands().mean_length(contact.pair)),
+            cohesion: bundles.cohesion(before - lawful, strands.mean_length(contact.pair)),
             reaction: known.map_or_else(Vector3::zeros, |k| k.reaction),
         }
     }

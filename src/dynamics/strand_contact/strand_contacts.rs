@@ -379,8 +379,11 @@ impl StrandContacts {
             let record = &mut records[owner(self.pairs.guides(&pair.contact))].strands;
             record.found += 1;
             record.active += u32::from(pair.is_active());
-            record.missing = record.missing.max(self.pairs.missing(pair));
             record.work += pair.force().dot(&self.pairs.slip(pair));
+        }
+        for (pair, share) in self.pairs.missing() {
+            let record = &mut records[owner(self.pairs.guides_of(pair))].strands;
+            record.missing = record.missing.max(share);
         }
         for &pair in &self.pairs.crossing {
             records[owner(self.pairs.guides_of(pair))].strands.crossings += 1;
