@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from .geometry import Array, FloatArray, IntArray, norms
+from .geometry import Array, FloatArray, IntArray, cross, dot, norms
 
 ROOT_LAYER = "hair.usda"
 RECORD = "manifest.json"
@@ -38,6 +38,14 @@ HELD = ("primvars:groom_tie_force", "primvars:groom_tie_moment")
 """What each tie exerts on its guide."""
 TIES = ("primvars:groom_tie_guide", "primvars:groom_tie_number")
 """What these are of."""
+
+
+def frame_file_name(stem: str, frame: int) -> str:
+    """File name of a frame, as USD resolves the clip template `stem.####.usdc`.
+
+    The number is padded with zeros to four characters including the sign: frame −1 is `hair.-001.usdc`.
+    """
+    return f"{stem}.{frame:04d}.usdc"
 
 
 class CacheError(Exception):
@@ -124,6 +132,20 @@ class Curves:
     def rest_chords(self) -> FloatArray:
         """Length of each segment's chord at rest."""
         return self.chords(self.rest)
+
+    @cached_property
+    def rest_turns(self) -> FloatArray:
+        """Angle between the chords at each rest point, rad, `N`; at a curve's ends that of the next point."""
+        steps = np.diff(self.rest.astype(float), axis=0)
+        turns = np.zeros(len(self.rest))
+        # Beside coincident points the angle is 0: of a negative zero it would be π.
+        along = dot(steps[:-1], steps[1:]) + 0.0
+        turns[1:-1] = np.arctan2(norms(cross(steps[:-1], steps[1:])), along)
+        # Between two curves there is no chord.
+        ends = self.starts + self.counts - 1
+        turns[self.starts], turns[ends] = 0, 0
+        turns[self.starts], turns[ends] = turns[self.starts + 1], turns[ends - 1]
+        return turns
 
     def chords(self, points: FloatArray) -> FloatArray:
         """Length of each segment's chord between points, `N × 3`."""
@@ -225,8 +247,8 @@ class Cache:
         return 0.0
 
     def frame_path(self, frame: int) -> Path:
-        """File of one frame. The number is padded to four characters as by USD's clips (-1 is `00-1`)."""
-        return self.directory / f"hair.{str(frame).rjust(4, '0')}.usdc"
+        """File of one frame."""
+        return self.directory / frame_file_name("hair", frame)
 
     def sample_times(self, frame: int) -> list[float]:
         """Time codes that a frame's file must hold: the frame, and the samples of its shutter interval."""

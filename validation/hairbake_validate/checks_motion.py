@@ -1,6 +1,6 @@
 """Checks of the motion: velocities, accelerations, and jumps."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -112,8 +112,7 @@ def velocities(window: Window) -> Iterator[Finding]:
     """
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for residual in residuals(window):
-        speed = max(root_mean_square(speed) for speed in residual.speeds)
-        value = float(np.median(residual.excess)) / max(speed, floor)
+        value = relative_residual(residual.excess, residual.speeds, floor)
         yield Finding(VELOCITIES, value, frame=window.frame, prim=residual.curves.path)
 
 
@@ -142,25 +141,48 @@ def residuals(window: Window) -> Iterator[Residual]:
 
 
 def residual_of(window: Window, curves: Curves, offset: int) -> Residual | None:
-    """The residual of Simpson's rule around a frame; None without valid values in the three frames.
+    """The residual of Simpson's rule around a frame; None without valid values in the three frames."""
+    found = simpson_residual(
+        [window.get(curves.path, "points", offset + step) for step in (-1, 1)],
+        [window.get(curves.path, "velocities", offset + step) for step in (-1, 0, 1)],
+        window.cache.fps,
+    )
+    if found is None:
+        return None
+    speed, excess = found
+    of_head = [window.once(measure, curves, offset) for measure in (head_jump, ringing, speed_beside)]
+    return Residual(curves, [speed, *(speed for speed in of_head if speed is not None)], excess)
+
+
+def simpson_residual(
+    places: Sequence[FloatArray | None], rates: Sequence[FloatArray | None], fps: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Speeds by displacement, and by how much Simpson's rule is off it beyond the sampling error, `N` each.
+
+    `places` are those at the frames before and after, `rates` the velocities at the three frames. None if any
+    is missing.
 
     Where motion is sampled too coarsely for Simpson's rule, as in a landing or a tremor, the trapezoidal rule
     estimates its error: `tolerances.SIMPSON_ERROR` times the smaller of its differences from Simpson's rule
     and from the displacement is allowed. If the centre frame alone is wrong, the trapezoidal rule matches the
     displacement; if all three are wrong alike, the two rules agree. Neither is excused.
     """
-    before, after = (window.get(curves.path, "points", offset + step) for step in (-1, 1))
-    v0, v1, v2 = (window.get(curves.path, "velocities", offset + step) for step in (-1, 0, 1))
+    before, after = places
+    v0, v1, v2 = rates
     if before is None or after is None or v0 is None or v1 is None or v2 is None:
         return None
-    mean = (after.astype(float) - before) * window.cache.fps / 2
+    mean = (after.astype(float) - before) * fps / 2
     trapezoidal = (v0.astype(float) + v2) / 2
     simpson = (trapezoidal + 2 * v1.astype(float)) / 3
     pairs = ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
     error, *sampling = (norms(a - b) for a, b in pairs)
-    excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
-    of_head = [window.once(measure, curves, offset) for measure in (head_jump, ringing, speed_beside)]
-    return Residual(curves, [norms(mean), *(speed for speed in of_head if speed is not None)], excess)
+    return norms(mean), np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
+
+
+def relative_residual(excess: FloatArray, speeds: Iterable[FloatArray], floor: float) -> float:
+    """The median of an excess over points, relative to the largest RMS of their speeds, at least `floor`."""
+    largest = max(root_mean_square(speed) for speed in speeds)
+    return float(np.median(excess)) / max(largest, floor)
 
 
 def ringing(window: Window, curves: Curves, offset: int) -> FloatArray | None:

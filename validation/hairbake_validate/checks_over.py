@@ -9,6 +9,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from . import tolerances
 from .cache import HEAD, SHOT_LAYER, TRANSFORM, Cache, CacheError, FrameFile, attributes
+from .checks_motion import relative_residual, residual_of, simpson_residual
 from .geometry import FloatArray, norms, spacing, transformed
 from .overs import (
     CLIP_SET,
@@ -515,28 +516,43 @@ def over_rest(window: Window) -> Iterator[Finding]:
 
 
 def over_velocities(window: Window) -> Iterator[Finding]:
-    """Compares velocities with displacements by Simpson's rule, beyond what the strands' own are off.
+    """Compares velocities with displacements as the check `velocities` does, beyond what the strands are off.
 
-    Both are those in the world: the space of the prim may move with the head, and hair in it hardly.
+    These are the strands that the prim draws: of several prims one may move otherwise than the others. All is
+    in the world: the space of the prim may move with the head, and hair in it hardly.
     """
-    fps, floor = window.cache.fps, tolerances.VELOCITY_FLOOR_M_S
+    floor = tolerances.VELOCITY_FLOOR_M_S
     for over in prims(window):
-        places = [in_world(window, over, offset) for offset in (-1, 1)]
-        rates = [world_rates(window, over, offset) for offset in (-1, 0, 1)]
-        value = simpson(places, rates, fps, floor)
-        if value is None:
+        found = simpson_residual(
+            [in_world(window, over, offset) for offset in (-1, 1)],
+            [world_rates(window, over, offset) for offset in (-1, 0, 1)],
+            window.cache.fps,
+        )
+        if found is None:
             continue
-        own = [
-            simpson(
-                [window.get(path, "points", offset) for offset in (-1, 1)],
-                [window.get(path, "velocities", offset) for offset in (-1, 0, 1)],
-                fps,
-                floor / window.cache.metres_per_unit,
-            )
-            for path in sorted({run.prim for run in over.runs})
-        ]
-        excess = value - max((each for each in own if each is not None), default=0.0)
-        yield Finding(OVER_VELOCITIES, max(0.0, excess), frame=window.frame, prim=over.path)
+        (speed, excess), drawn = found, drawn_residual(window, over)
+        speeds = [] if drawn is None else drawn[1]
+        value = relative_residual(excess, [speed, *speeds[1:]], floor)
+        own = 0.0 if drawn is None else relative_residual(drawn[0], speeds, floor)
+        yield Finding(OVER_VELOCITIES, max(0.0, value - own), frame=window.frame, prim=over.path)
+
+
+def drawn_residual(window: Window, over: OverPrim) -> tuple[FloatArray, list[FloatArray]] | None:
+    """Excess and speeds of `Residual` of the strands that a prim draws, m/s; None if they are not valid."""
+    parts = []
+    for run in over.runs:
+        curves = next((each for each in window.cache.curves if each.path == run.prim), None)
+        residual = None if curves is None else window.once(residual_of, curves)
+        if curves is None or residual is None:
+            return None
+        parts.append([each[run.points(curves)] for each in (residual.excess, *residual.speeds)])
+    if not parts:
+        return None
+    # Of curves that lack points at the frame the speeds of the head are not known.
+    joined: list[FloatArray] = [
+        np.concatenate(each) * window.cache.metres_per_unit for each in zip(*parts, strict=False)
+    ]
+    return joined[0], joined[1:]
 
 
 def world_rates(window: Window, over: OverPrim, offset: int) -> FloatArray | None:
@@ -549,20 +565,6 @@ def world_rates(window: Window, over: OverPrim, offset: int) -> FloatArray | Non
     after = transformed(points + rates * step, overs.to_world(over, frame + SHUTTER))
     moved: FloatArray = (after - transformed(points, overs.to_world(over, frame))) / step
     return moved
-
-
-def simpson(
-    places: list[FloatArray | None], rates: list[FloatArray | None], fps: float, floor: float
-) -> float | None:
-    """Median distance of displacements from velocities by Simpson's rule, relative to the RMS speed."""
-    before, after = places
-    first, now, last = rates
-    if before is None or after is None or first is None or now is None or last is None:
-        return None
-    speed = (after.astype(float) - before) * fps / 2
-    mean = (first.astype(float) + 4 * now.astype(float) + last) / 6
-    largest = max(float(np.sqrt((speed**2).sum(1).mean())), floor)
-    return float(np.median(norms(mean - speed))) / largest
 
 
 OVER: dict[Check, Callable[[Cache], Iterator[Finding]]] = {

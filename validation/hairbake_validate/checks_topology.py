@@ -18,7 +18,7 @@ from .cache import (
     Curves,
     attribute_value,
 )
-from .geometry import spacing
+from .geometry import over_chord, spacing
 from .report import Check, Finding
 
 TOPOLOGY = Check(
@@ -132,13 +132,14 @@ def width_errors(prim: Any, curves: Curves) -> Iterator[str]:
 
 
 def arcs(cache: Cache) -> Iterator[Finding]:
-    """Compares the rods of guides with their chords at rest."""
+    """Compares the rods of guides with their chords at rest, and with how much these turn."""
     for curves in cache.curves:
         if curves.path != GUIDES or not curves.consistent or curves.rods is None:
             continue
         if curves.arc[curves.starts].any():
             yield Finding(ARCS, message="arc lengths do not start at 0", prim=curves.path)
-        rounding = np.sqrt(3) * spacing(curves.rest) + spacing(curves.arc)
+        # Each point is off by up to √3/2 of a spacing, and the middle one of a pair is an end of both chords.
+        rounding = 2 * np.sqrt(3) * spacing(curves.rest) + spacing(curves.arc)
         chords = curves.of_pairs(curves.rest_chords)
         excess = curves.rods - chords
         curve_of_pair = curves.curve_of_point[curves.segments[curves.pairs]]
@@ -147,7 +148,11 @@ def arcs(cache: Cache) -> Iterator[Finding]:
         if short.size:
             message = f"the rod is shorter than its chords in {short.size} places"
             yield Finding(ARCS, message=message, prim=curves.path, curve=int(curve_of_pair[short[0]]))
-        share = (excess - rounding) / np.maximum(chords, rounding)
+        turns = curves.rest_turns[curves.segments] + curves.rest_turns[curves.segments + 1]
+        bent = curves.of_pairs(curves.rest_chords * over_chord(turns))
+        # What a hairpin accounts for beyond the tolerance.
+        hidden = np.maximum(bent - tolerances.ARC_OVER_CHORD * chords, 0)
+        share = (excess - rounding - hidden) / np.maximum(chords, rounding)
         most = int(share.argmax())
         value, curve = max(0.0, float(share[most])), int(curve_of_pair[most])
         yield Finding(ARCS, value=value, prim=curves.path, curve=curve)

@@ -81,6 +81,13 @@ def sums(places: IntArray, vectors: list[FloatArray], count: int) -> FloatArray:
     return total
 
 
+def over_chord(turn: FloatArray) -> FloatArray:
+    """Largest length of a curve that turns by `turn`, rad, over its chord, minus 1; ∞ from π on."""
+    folded = turn >= np.pi
+    bound: FloatArray = np.where(folded, np.inf, 1 / np.cos(np.where(folded, 0, turn) / 2) - 1)
+    return bound
+
+
 def spacing(values: FloatArray) -> float:
     """Distance between adjacent 32-bit floats at the largest magnitude: twice the largest rounding error."""
     return float(np.spacing(np.float32(np.abs(values).max())))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel
 
-from .cache import SHOT_LAYER, Cache, CacheError, FrameFile, array, read_layer
+from .cache import SHOT_LAYER, Cache, CacheError, Curves, FrameFile, array, frame_file_name, read_layer
 from .geometry import FloatArray, IntArray
 
 OVER_MANIFEST = "hair.over.manifest.usda"
@@ -43,6 +43,11 @@ class Run:
     baked: int
     """The first curve of the cache."""
     count: int
+
+    def points(self, curves: Curves) -> slice:
+        """The points of the curves of the cache, of which `curves` are all."""
+        last = self.baked + self.count - 1
+        return slice(int(curves.starts[self.baked]), int(curves.starts[last] + curves.counts[last]))
 
 
 @dataclass(frozen=True)
@@ -165,7 +170,7 @@ class Overs(ShotStage):
         """
         super().__init__(cache)
         self.frame_paths = {
-            frame: cache.directory / f"hair.over.{str(frame).rjust(4, '0')}.usdc" for frame in cache.frames
+            frame: cache.directory / frame_file_name("hair.over", frame) for frame in cache.frames
         }
         self.prims = [read_prim(prim, number, entry) for number, (prim, entry) in enumerate(self.entries())]
 

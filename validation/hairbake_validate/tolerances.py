@@ -13,7 +13,12 @@ WIDTH_M = (5e-6, 2e-3)
 SEGMENT_DRIFT = 1e-4
 
 # Length of a guide's rod over its chords at rest, minus 1. Between two points a rod turns by at most 0.2 rad
-# on a circle, 0.2²/24; at a kink of the groom it may be the 0.4 rad between three, 0.4²/24 = 0.0067.
+# on a circle, 0.2²/24; at a kink of the groom it may be the 0.4 rad between three, 0.4²/24 = 0.0067. Where a
+# hairpin of the groom is narrower than a segment, the rod turns by more, and its chords show by how much. A
+# curve that turns by θ < π is at most 1 / cos(θ/2) times as long as its chord, on which its tangents project.
+# Between two points θ is at most the sum of the turns from chord to chord there: the tangents at them are
+# between the chords. In hairpins of beards and fur, of 0.6 to 2.2 rad at a point, rods are longer by up to
+# 0.49 of that.
 ARC_OVER_CHORD = 0.01
 
 # Guides lie on smooth inextensible curves: arcs keep their length, chords do not. The arc is measured on the

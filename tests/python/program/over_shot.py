@@ -28,8 +28,14 @@ class Shot:
         wrap: str = "pinned",
         units: float = 100,
         declared: float | None = 0.01,
+        *,
+        first: int = FIRST,
     ) -> None:
-        """Writes the asset and the shot, with so many units per metre, and what they declare of them."""
+        """Writes the asset and the shot, with so many units per metre, and what they declare of them.
+
+        The shot starts at the frame `first`.
+        """
+        self.first, self.last = first, first + LAST - FIRST
         self.folder, self.hairbake, self.units, self.declared = folder, hairbake, units, declared
         self.asset, self.shot = folder / "char.usda", folder / "shot.usda"
         self._write_asset(basis, wrap)
@@ -67,15 +73,15 @@ class Shot:
         stage = new_stage(self.shot, self.declared, "Z")
         stage.SetTimeCodesPerSecond(24)
         stage.SetFramesPerSecond(24)
-        stage.SetStartTimeCode(FIRST)
-        stage.SetEndTimeCode(LAST)
+        stage.SetStartTimeCode(self.first)
+        stage.SetEndTimeCode(self.last)
         stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/world").GetPrim())
         hero = UsdGeom.Xform.Define(stage, "/world/hero")
         walk, turn = hero.AddTranslateOp(), hero.AddRotateZOp()
         stage.DefinePrim("/world/hero/char").GetReferences().AddReference("./char.usda")
         nod = UsdGeom.Xform(stage.OverridePrim("/world/hero/char/head")).AddRotateXOp()
-        for frame in range(FIRST - 8, LAST + 9):
-            time = (frame - FIRST) / 24
+        for frame in range(self.first - 8, self.last + 9):
+            time = (frame - self.first) / 24
             walk.Set(Gf.Vec3d(2 + 0.6 * time, 0.5, 0) * self.units, frame)
             turn.Set(30 + 90 * time, frame)
             nod.Set(15 * float(np.sin(6 * time)), frame)

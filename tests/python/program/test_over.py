@@ -283,6 +283,14 @@ def test_a_plan_names_the_stage_and_the_base_for_any_folder(
         assert named == {"--over": f"{shot.shot}:{HAIR}", "--base": str(tmp_path / "old")}
 
 
+def test_a_shot_from_frame_0_passes(hairbake: Run, tmp_path: Path) -> None:
+    out = Shot(tmp_path, hairbake, first=0).baked()
+    names = {path.name for path in out.glob("hair.*-*.usdc")}
+    assert names == {"hair.-001.usdc", "hair.over.-001.usdc"}
+    report = passed(out)
+    assert report.passed, report.as_text()
+
+
 def test_strands_left_out_ride_with_the_head(hairbake: Run, tmp_path: Path) -> None:
     shot = Shot(tmp_path, hairbake)
     shot.shorten(5)

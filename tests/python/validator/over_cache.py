@@ -25,6 +25,8 @@ from validator.good_cache import (
 )
 
 CURVES_PATH = "/world/hero/groom/hair"
+WHOLE = {CURVES_PATH: range(CURVES)}
+"""The curves of the one prim of the stage."""
 MOVING = ("points", "velocities", "extent")
 KINDS = {
     "points": Sdf.ValueTypeNames.Point3fArray,
@@ -81,8 +83,11 @@ def put_over(stage: Path, kind: str, curves: str) -> None:
     below.Save()
 
 
-def write_stage(path: Path) -> None:
-    """Writes a stage with the curves of the good cache, cm, Z up, in a shot that turns and moves them."""
+def write_stage(path: Path, parts: dict[str, range] = WHOLE) -> None:
+    """Writes a stage with the curves of the good cache, cm, Z up, in a shot that turns and moves them.
+
+    `parts` has the curves of each prim.
+    """
     stage = Usd.Stage.CreateNew(str(path))
     declare(stage, 0.01, "Z")
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/world").GetPrim())
@@ -90,18 +95,8 @@ def write_stage(path: Path) -> None:
     # Between the frames as well, so that it turns smoothly for the moments of the shutter.
     for frame in np.arange(HANDLES[0] - 1, HANDLES[-1] + 2, 0.25):
         op.Set(Gf.Matrix4d(*place((frame - FIRST) / FPS).ravel().tolist()), frame)
-    curves = UsdGeom.BasisCurves.Define(stage, CURVES_PATH)
-    curves.CreateTypeAttr("cubic")
-    curves.CreateWrapAttr("pinned")
-    curves.CreateBasisAttr("catmullRom")
-    curves.CreateCurveVertexCountsAttr([POINTS] * CURVES)
-    rest = transform(rest_points(CURVES).reshape(-1, 3), np.linalg.inv(TO_METRES)).astype(np.float32)
-    curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(rest))
-    curves.CreateWidthsAttr([WIDTH])
-    curves.SetWidthsInterpolation("constant")
-    curves.CreatePurposeAttr("render")
-    ids = UsdGeom.PrimvarsAPI(curves).CreatePrimvar("hair_id", Sdf.ValueTypeNames.IntArray, "uniform")
-    ids.Set(list(range(CURVES)))
+    for at, part in parts.items():
+        define_curves(stage, at, part)
     for name in ("brown", "red"):
         UsdShade.Material.Define(stage, f"/world/look/{name}")
     fringe = UsdGeom.Subset.Define(stage, f"{CURVES_PATH}/fringe")
@@ -111,6 +106,23 @@ def write_stage(path: Path) -> None:
         material = UsdShade.Material.Get(stage, f"/world/look/{name}")
         UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(bound)).Bind(material)
     stage.Save()
+
+
+def define_curves(stage: Usd.Stage, path: str, part: range) -> None:
+    """Defines a prim with some of the curves of the good cache."""
+    curves = UsdGeom.BasisCurves.Define(stage, path)
+    curves.CreateTypeAttr("cubic")
+    curves.CreateWrapAttr("pinned")
+    curves.CreateBasisAttr("catmullRom")
+    curves.CreateCurveVertexCountsAttr([POINTS] * len(part))
+    world = rest_points(CURVES)[part].reshape(-1, 3)
+    rest = transform(world, np.linalg.inv(TO_METRES)).astype(np.float32)
+    curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(rest))
+    curves.CreateWidthsAttr([WIDTH])
+    curves.SetWidthsInterpolation("constant")
+    curves.CreatePurposeAttr("render")
+    ids = UsdGeom.PrimvarsAPI(curves).CreatePrimvar("hair_id", Sdf.ValueTypeNames.IntArray, "uniform")
+    ids.Set(list(part))
 
 
 def bind_curves(path: Path, at: str = CURVES_PATH) -> None:
@@ -131,11 +143,11 @@ def bind_curves(path: Path, at: str = CURVES_PATH) -> None:
 class OverCache:
     """The good cache with over mode, and changes to it."""
 
-    def __init__(self, cache: CacheBuilder) -> None:
-        """Writes a stage and overs."""
-        self.cache = cache
+    def __init__(self, cache: CacheBuilder, parts: dict[str, range] = WHOLE) -> None:
+        """Writes a stage with prims of some curves each, siblings, and overs."""
+        self.cache, self.parts = cache, parts
         self.stage = cache.directory.parent / "shot.usda"
-        write_stage(self.stage)
+        write_stage(self.stage, parts)
         for name, text in self._layers().items():
             cache.path(name).write_text(text)
         for frame in HANDLES:
@@ -147,18 +159,20 @@ class OverCache:
         self.cache.seal()
         names = ("hair.over.usda", "hair.over.manifest.usda")
         to_rest = TO_METRES.T.tolist()
-        runs = [{"prim": HAIR, "first": 0, "baked": 0, "count": CURVES}]
-        prim = {
-            "path": CURVES_PATH,
-            "points": "points",
-            "to_rest_m": to_rest,
-            "lengthened": False,
-            "baked": runs,
-        }
+        prims = [
+            {
+                "path": path,
+                "points": "points",
+                "to_rest_m": to_rest,
+                "lengthened": False,
+                "baked": [{"prim": HAIR, "first": 0, "baked": part.start, "count": len(part)}],
+            }
+            for path, part in self.parts.items()
+        ]
 
         def change(record: dict[str, Any]) -> None:
             stage = {"stage": self.stage.name, "metres_per_unit": 0.01, "up_axis": "Z"}
-            record["over"] = {**stage, "prims": [prim]}
+            record["over"] = {**stage, "prims": prims}
             record["layers"] += [self.cache.file_record(self.cache.path(name)) for name in names]
             for entry in record["frames"]:
                 entry["over"] = self.cache.file_record(self.frame(entry["frame"]))
@@ -180,9 +194,9 @@ class OverCache:
         """Applies `change(stage)` to a text layer of the cache and updates the checksums."""
         self.edit(self.cache.path(name), lambda layer: change(Usd.Stage.Open(layer)))
 
-    def edit_array(self, frame: int, name: str, change: Callable[[Array], Array]) -> None:
-        """Replaces an array of a frame's file by `change(array)`."""
-        path = f"/over/curves0.{name}"
+    def edit_array(self, frame: int, name: str, change: Callable[[Array], Array], prim: int = 0) -> None:
+        """Replaces an array of a prim in a frame's file by `change(array)`."""
+        path = f"/over/curves{prim}.{name}"
 
         def rewrite(layer: Sdf.Layer) -> None:
             value = layer.QueryTimeSample(path, float(frame))
@@ -192,11 +206,12 @@ class OverCache:
         self.edit(self.frame(frame), rewrite)
 
     def _layers(self) -> dict[str, str]:
-        clips = f"""
+        def clips(number: int) -> str:
+            return f"""
     clips = {{
         dictionary hairbake = {{
             asset manifestAssetPath = @./hair.over.manifest.usda@
-            string primPath = "/over/curves0"
+            string primPath = "/over/curves{number}"
             string templateAssetPath = "./hair.over.####.usdc"
             double templateStartTime = {HANDLES[0]}
             double templateEndTime = {HANDLES[-1]}
@@ -205,27 +220,34 @@ class OverCache:
     }}
     prepend clipSets = ["hairbake"]
 """
-        over = f'over "hair" (\n{clips})\n{{\n}}\n'
+
+        names = [Sdf.Path(path).name for path in self.parts]
+        over = "".join(f'over "{name}" (\n{clips(i)})\n{{\n}}\n' for i, name in enumerate(names))
         for name in ("groom", "hero", "world"):
             over = f'over "{name}"\n{{\n{over}}}\n'
         declared = "\n".join(f"{kind} {name}" for name, kind in KINDS.items())
+        prims = "".join(f'over "curves{i}"\n{{\n{declared}\n}}\n' for i in range(len(names)))
         return {
             "hair.over.usda": f"{marked('over')}\n{over}",
             "hair.shot.usda": f"{METADATA}    subLayers = [@./hair.over.usda@, @../shot.usda@]\n)\n",
-            "hair.over.manifest.usda": (
-                f'#usda 1.0\n\nover "over"\n{{\nover "curves0"\n{{\n{declared}\n}}\n}}\n'
-            ),
+            "hair.over.manifest.usda": f'#usda 1.0\n\nover "over"\n{{\n{prims}}}\n',
         }
 
     def _write_frame(self, frame: int) -> None:
         layer = Sdf.Layer.CreateNew(str(self.frame(frame)))
-        prim = Sdf.CreatePrimInLayer(layer, "/over/curves0")
+        for number, part in enumerate(self.parts.values()):
+            self._write_prim(layer, frame, f"/over/curves{number}", part)
+        layer.Save()
+
+    def _write_prim(self, layer: Sdf.Layer, frame: int, path: str, part: range) -> None:
+        prim = Sdf.CreatePrimInLayer(layer, path)
         for name, kind in KINDS.items():
             Sdf.AttributeSpec(prim, name, kind)
+        points = slice(part.start * POINTS, part.stop * POINTS)
         source = Sdf.Layer.OpenAsAnonymous(str(self.cache.frame(frame)))
         for at in (frame + SHUTTER * i / (SAMPLES - 1) for i in range(SAMPLES)):
-            world = np.array(source.QueryTimeSample(f"{HAIR}.points", at), float)
-            speed = np.array(source.QueryTimeSample(f"{HAIR}.velocities", at), float)
+            world = np.array(source.QueryTimeSample(f"{HAIR}.points", at), float)[points]
+            speed = np.array(source.QueryTimeSample(f"{HAIR}.velocities", at), float)[points]
             time, step = (at - FIRST) / FPS, 1e-4
             now, before, after = (
                 transform(world + speed * shift, np.linalg.inv(place(time + shift) @ TO_METRES))
@@ -237,7 +259,4 @@ class OverCache:
                 "extent": np.stack([now.min(0) - WIDTH / 2, now.max(0) + WIDTH / 2]),
             }
             for name, value in values.items():
-                layer.SetTimeSample(
-                    f"/over/curves0.{name}", at, Vt.Vec3fArray.FromNumpy(value.astype(np.float32))
-                )
-        layer.Save()
+                layer.SetTimeSample(f"{path}.{name}", at, Vt.Vec3fArray.FromNumpy(value.astype(np.float32)))

@@ -1,6 +1,7 @@
 """Over mode: a good stage passes, and each defect fails its own check and no other."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,8 +10,8 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from hairbake_validate.checks_over import OVER, OVER_FRAME
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed
-from validator.good_cache import FIRST, POINTS, CacheBuilder
-from validator.over_cache import CURVES_PATH, OverCache, bind_curves, put_over
+from validator.good_cache import CURVES, FIRST, FPS, HAIR, HANDLES, POINTS, CacheBuilder, transform
+from validator.over_cache import CURVES_PATH, TO_METRES, OverCache, bind_curves, place, put_over
 
 Defect = Callable[[OverCache], object]
 
@@ -235,6 +236,63 @@ def test_points_that_are_off_are_found(
     moved(change)(over)
     report = validate(over.cache.directory)
     assert failed(report) == checks, report.as_text()
+
+
+BEARD_PATH = "/world/hero/groom/beard"
+
+
+@pytest.mark.parametrize("of_strands", [1.0, 0.5])
+@pytest.mark.parametrize("of_beard", [1.0, 0.5])
+def test_velocities_are_compared_with_those_of_the_strands_that_a_prim_draws(
+    good_cache: CacheBuilder, of_strands: float, of_beard: float
+) -> None:
+    """Velocities of a beard, a third of the strands, may be wrong in the cache, and in the overs.
+
+    As the median over all strands is right, the overs are right only if theirs are, or if those of the beard
+    in the cache are as wrong.
+    """
+    hair = CURVES - CURVES // 3
+
+    def slow(rates: np.ndarray) -> np.ndarray:
+        factor = np.where(np.arange(len(rates)) < hair * POINTS, 1, of_strands)
+        return (rates * factor[:, None]).astype(np.float32)
+
+    parts = {CURVES_PATH: range(hair), BEARD_PATH: range(hair, CURVES)}
+    over = OverCache(good_cache, parts)
+    for frame in HANDLES:
+        good_cache.edit_array(frame, f"{HAIR}.velocities", slow)
+        scale_world_rates(over, frame, 1, of_beard)
+    over.seal()
+    found = validate(good_cache.directory).outcomes["over_velocities"]
+    assert (found.status == "fail") == (of_beard < of_strands), found
+    assert not found.broken or {each.prim for each in found.broken} == {BEARD_PATH}
+
+
+def scale_world_rates(over: OverCache, frame: int, prim: int, factor: float) -> None:
+    """Multiplies the velocities that a prim has in the world; those in it are less the motion of the prim."""
+    layer = Sdf.Layer.OpenAsAnonymous(str(over.frame(frame)))
+    points = np.array(layer.QueryTimeSample(f"/over/curves{prim}.points", float(frame)), float)
+    time, step = (frame - FIRST) / FPS, 1e-4
+    before, after = (
+        transform(points, place(time + shift) @ TO_METRES @ np.linalg.inv(place(time) @ TO_METRES))
+        for shift in (-step, step)
+    )
+    of_prim = (after - before) / (2 * step)
+    over.edit_array(frame, "velocities", lambda rates: factor * (rates + of_prim) - of_prim, prim)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.3, -1.0])
+def test_a_swing_that_frames_sample_coarsely_passes_with_true_velocities(
+    over: OverCache, factor: float
+) -> None:
+    """The curves swing by 3 cm eight times a second beside the strands, which do not."""
+    omega = 2 * np.pi * 8
+    for frame in HANDLES:
+        phase = omega * (frame - FIRST) / FPS
+        swing, rate = 3 * np.sin(phase), 3 * omega * np.cos(phase)
+        over.edit_array(frame, "points", partial(np.add, [0, 0, swing]))
+        over.edit_array(frame, "velocities", partial(np.add, [0, 0, factor * rate]))
+    assert ("over_velocities" in failed(validate(over.cache.directory))) == (factor < 1)
 
 
 def test_the_unit_is_that_of_the_manifest(over: OverCache) -> None:
