@@ -181,6 +181,12 @@ fn motion() {
      help: use a value in the allowed range
            allowed: 1 to 10000
     "#);
+    let far = text("24").replacen("[0, 0, 0]", "[0, 1e300, 0]", 1);
+    assert_snapshot!(message("a.json", far.as_bytes(), frames(None)), @r#"
+    × a.json: motion: sample 0 is at (0.000e0, 1.000e300, 0.000e0) m
+    help: correct the sample, or the unit (--units)
+          allowed: up to 1e6 m from the origin
+    "#);
     assert_snapshot!(message("a.json", text("24").as_bytes(), frames(Some([1, 9]))), @r#"
     × a.json: frames: 1 to 9 requested
     help: shorten the range with --frames, or export a longer motion

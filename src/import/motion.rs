@@ -3,13 +3,16 @@
 use super::plain::Rest;
 use super::source::Source;
 use crate::scene::anim::file::PoseFile;
+use crate::scene::track::MAX_DISTANCE;
 use crate::scene::{Convention, UpAxis};
-use crate::{Diagnostic, Error};
-use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
-use std::path::PathBuf;
+use crate::{Diagnostic, Error, Result};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
+use std::path::{Path, PathBuf};
 
 /// Most joints that an error message lists.
 const MAX_LISTED: usize = 60;
+/// Most samples out of range that are reported one by one.
+const MAX_REPORTED: usize = 8;
 
 /// Evenly sampled poses of a joint in the world.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,6 +71,27 @@ impl Motion {
     pub(super) fn in_metres(&self) -> Vec<Isometry3<f64>> {
         let pose = |p: &PoseFile| self.convention.pose_in(p.translation.into(), rotation(p.rotation_wxyz));
         self.poses.iter().map(pose).collect()
+    }
+
+    /// Checks the places of the samples, read from `file`.
+    ///
+    /// # Errors
+    /// Samples beyond [`MAX_DISTANCE`], by their numbers from 0.
+    pub(super) fn check_places(&self, file: &Path) -> Result<()> {
+        let places =
+            self.poses.iter().map(|pose| self.convention.length_in(pose.translation.into())).enumerate();
+        // Not a number is as far.
+        let far = places.filter(|(_, x)| !(..=MAX_DISTANCE).contains(&x.norm()));
+        let report = |(i, x): (usize, Vector3<f64>)| {
+            Diagnostic::new(
+                file,
+                "motion",
+                format!("sample {i} is at ({:.3e}, {:.3e}, {:.3e}) m", x.x, x.y, x.z),
+                format!("up to {MAX_DISTANCE:e} m from the origin"),
+                "correct the sample, or the unit (--units)",
+            )
+        };
+        Error::if_any(far.take(MAX_REPORTED).map(report).collect())
     }
 }
 

@@ -5,16 +5,20 @@ use super::plain::{DrawnCurves, PlainGroup, PlainStrands, Rest, StrandAttributes
 use super::source::Source;
 use super::units::{HAIR_SIZE, convention};
 use crate::scene::{Convention, Curves};
-use crate::{Diagnostic, Result};
+use crate::{Diagnostic, Error, Result};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Shorter strands are dropped, m.
 pub const MIN_STRAND_LENGTH: f64 = 1e-3;
 /// Consecutive vertices closer than this are merged, m: single-precision files cannot tell them apart.
 const MERGE_DISTANCE: f64 = 1e-6;
+/// Largest extent of the strands of a file, m: that of the guides of a groom that a bake reads.
+const MAX_EXTENT: f64 = 100.0;
+/// Most strands out of range that are reported one by one.
+const MAX_REPORTED: usize = 8;
 
 /// Attributes of strands, by whether the strand is a guide and by its id.
 pub(super) type AttributeMap = BTreeMap<(bool, i32), StrandAttributes>;
@@ -87,7 +91,8 @@ pub struct StrandFileReport {
 /// Reads a strand file and scales every strand by `length_scale` about its root.
 ///
 /// # Errors
-/// An unreadable or damaged file, an unknown extension, no usable strand, a unit that cannot be guessed.
+/// An unreadable or damaged file, an unknown extension, no usable strand, strands far from the others, a unit
+/// that cannot be guessed.
 pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanStrands> {
     let mut plain = parse(source)?;
     let mut notes = std::mem::take(&mut plain.notes);
@@ -123,6 +128,7 @@ pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanSt
     if curves.is_empty() && guides.is_empty() {
         return Err(no_usable_strand(&report).into());
     }
+    check_extent(&source.path, [("guide", &guides), ("strand", &curves)])?;
     report.guides = guides.len();
     report.length[1] /= report.kept as f64;
     Ok(CleanStrands { curves, guides, holds_guides, attributes, groups, rest, drawn, report })
@@ -209,6 +215,46 @@ fn clean(curves: &Curves, which: impl Iterator<Item = usize>, report: &mut Stran
         kept.root_uv.push(curves.root_uv[c]);
     }
     kept
+}
+
+/// Checks that the usable strands, by what they are called, lie within [`MAX_EXTENT`] of each other.
+///
+/// # Errors
+/// Those far from the middle of all vertices, by their ids; at least the farthest.
+fn check_extent(file: &Path, all: [(&'static str, &Curves); 2]) -> Result<()> {
+    let points = || all.iter().flat_map(|(_, curves)| &curves.points);
+    let low = points().fold(Vector3::repeat(f64::INFINITY), |low, p| low.inf(p));
+    let high = points().fold(Vector3::repeat(f64::NEG_INFINITY), |high, p| high.sup(p));
+    if (high - low).norm() <= MAX_EXTENT {
+        return Ok(());
+    }
+    // Of most vertices, wherever the others are.
+    let middle = Vector3::from_fn(|axis, _| {
+        let mut places: Vec<f64> = points().map(|p| p[axis]).collect();
+        let half = places.len() / 2;
+        *places.select_nth_unstable_by(half, f64::total_cmp).1
+    });
+    let distance = |p: &Vector3<f64>| (p - middle).norm();
+    let farthest = |points: &[Vector3<f64>]| {
+        points.iter().copied().max_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(middle)
+    };
+    let of_kind = |(kind, curves): (&'static str, &Curves)| {
+        let far = |c: usize| (kind, curves.id[c], farthest(curves.curve(c)));
+        (0..curves.len()).map(far).collect::<Vec<_>>()
+    };
+    let mut far: Vec<_> = all.into_iter().flat_map(of_kind).collect();
+    far.sort_by(|a, b| distance(&b.2).total_cmp(&distance(&a.2)));
+    let count = far.iter().filter(|(.., p)| distance(p) > MAX_EXTENT).count();
+    let report = |(kind, id, p): &(&str, i32, Vector3<f64>)| {
+        Diagnostic::new(
+            file,
+            "strands",
+            format!("{kind} {id} goes to ({:.3e}, {:.3e}, {:.3e}) m", p.x, p.y, p.z),
+            format!("strands that are {MAX_EXTENT} m across or less, all together"),
+            "remove the strand, or correct the unit (--units)",
+        )
+    };
+    Err(Error::BadInput(far.iter().take(count.clamp(1, MAX_REPORTED)).map(report).collect()))
 }
 
 fn no_usable_strand(report: &StrandFileReport) -> Diagnostic {
@@ -303,6 +349,34 @@ mod tests {
         );
         assert!((report.segment_ratio - 2.0).abs() < 1e-12);
         assert_eq!(report.kept, 1);
+    }
+
+    #[test]
+    fn strands_far_from_the_others_are_named_by_their_ids() {
+        let near = |x: f64| [[x, 0.0, 0.0], [x, -0.1, 0.0]];
+        let far = |x: f64| [[0.0, 0.0, 0.0], [x, 0.0, 0.0]];
+        let named = |strands: &[&[[f64; 3]]]| match check_extent(
+            Path::new("a.tfx"),
+            [("guide", &curves(&[])), ("strand", &curves(strands))],
+        ) {
+            Ok(()) => Vec::new(),
+            Err(Error::BadInput(found)) => found.into_iter().map(|found| found.message).collect(),
+            Err(other) => panic!("{other}"),
+        };
+        let [a, b, c] = [0.0, 0.1, 0.2].map(near);
+        assert!(named(&[&a, &b, &c]).is_empty());
+        // Its square is no number.
+        let found = named(&[&a, &far(1e300), &b, &far(-101.0), &c]);
+        assert_eq!(
+            found,
+            [
+                "strand 1 goes to (1.000e300, 0.000e0, 0.000e0) m",
+                "strand 3 goes to (-1.010e2, 0.000e0, 0.000e0) m"
+            ]
+        );
+        // A groom far from the origin is right.
+        assert!(named(&[&near(1e5), &near(1e5 + 99.0)]).is_empty());
+        assert_eq!(named(&[&near(1e5), &near(1e5), &near(1e5 + 101.0)]).len(), 1);
     }
 
     #[test]

@@ -16,6 +16,10 @@ use nalgebra::{Isometry3, Quaternion, SVector, Translation3, UnitQuaternion, Vec
 
 pub use pops::{Pop, find_pops};
 
+/// Largest distance of a joint from the origin, m: beyond, hairs are one point in single precision, and a wrong
+/// unit or a damaged file is the likely reason.
+pub const MAX_DISTANCE: f64 = 1e6;
+
 /// Position and quaternion (w, x, y, z).
 type Coordinates = SVector<f64, 7>;
 

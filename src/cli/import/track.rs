@@ -37,7 +37,9 @@ pub struct TrackArguments {
     ///
     /// JSON: { fps, units, up_axis, frames: [{ translation, rotation_quat_wxyz }] }
     motion: PathBuf,
-    /// Animation file to write; USD and glTF meshes are written next to it
+    /// Animation file to write; USD and glTF meshes and curves are written next to it, named after it
+    ///
+    /// With -o shot.json they are shot.NAME.obj and shot.NAME.####.obj: several shots may share a folder.
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
@@ -217,7 +219,7 @@ impl TrackArguments {
                 PopsName::Bridge => Pops::Bridge,
                 PopsName::Keep => Pops::Keep,
             },
-            ..TrackOptions::new(motion, output_file::folder(&self.output))
+            ..TrackOptions::new(motion, &self.output)
         }
     }
 }

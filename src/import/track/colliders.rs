@@ -2,7 +2,7 @@
 
 use super::OBJ_DIGITS;
 use super::names::Names;
-use super::options::ColliderMesh;
+use super::options::{ColliderMesh, TrackOptions};
 use crate::Result;
 use crate::file::relative;
 use crate::geometry::TriMesh;
@@ -10,7 +10,7 @@ use crate::import::mesh_file::ImportedMesh;
 use crate::import::source::Source;
 use crate::scene::anim::file::{ColliderFile, ShapeFile};
 use crate::scene::{FileSequence, UpAxis};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Name of the body at rest that carries deforming meshes.
 pub(super) const WORLD: &str = "world";
@@ -35,7 +35,7 @@ impl Colliders {
     }
 
     /// Adds a collider. `first_file` is the file that was read, `read` its contents, `first_frame` the frame
-    /// of its first sample, `folder` that of the animation.
+    /// of its first sample.
     ///
     /// # Errors
     /// A path that has no absolute form.
@@ -45,18 +45,18 @@ impl Colliders {
         first_file: &Source,
         read: &ImportedMesh,
         first_frame: i32,
-        folder: &Path,
+        options: &TrackOptions,
     ) -> Result<()> {
         self.notes.extend(read.notes.iter().map(|note| format!("{}: {note}", mesh.source.path.display())));
         let name = self.names.unique(&mesh.name);
         self.skins.extend(mesh.is_skin.then(|| name.clone()));
         let deforms = mesh.source != *first_file || !read.samples.is_empty();
         let shape = if first_file.is_usd() || first_file.is_gltf() {
-            self.write_obj(&name, read, first_frame, folder)
+            self.write_obj(&name, read, first_frame, options)
         } else {
             ShapeFile::Mesh {
-                file: relative(&first_file.path, folder)?,
-                sequence: if deforms { Some(relative(&mesh.source.path, folder)?) } else { None },
+                file: relative(&first_file.path, options.folder())?,
+                sequence: if deforms { Some(relative(&mesh.source.path, options.folder())?) } else { None },
                 metres_per_unit: Some(read.convention.metres_per_unit),
                 up_axis: Some(read.convention.up),
             }
@@ -72,9 +72,16 @@ impl Colliders {
         Ok(())
     }
 
-    /// Converts a USD or glTF mesh to OBJ files in `folder`, metres, Y up; the first sample is that of
-    /// `first_frame`.
-    fn write_obj(&mut self, name: &str, read: &ImportedMesh, first_frame: i32, folder: &Path) -> ShapeFile {
+    /// Converts a USD or glTF mesh to OBJ files next to the animation, metres, Y up; the first sample is that
+    /// of `first_frame`.
+    fn write_obj(
+        &mut self,
+        name: &str,
+        read: &ImportedMesh,
+        first_frame: i32,
+        options: &TrackOptions,
+    ) -> ShapeFile {
+        let (folder, name) = (options.folder(), options.name_beside(name));
         let file = format!("{name}.obj");
         self.files.push((folder.join(&file), read.mesh.to_obj(OBJ_DIGITS)));
         let sequence = (!read.samples.is_empty()).then(|| format!("{name}.####.obj"));

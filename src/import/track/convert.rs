@@ -30,7 +30,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Writes the animation to `path`, which lies in [`TrackOptions::folder`], and the meshes.
+    /// Writes the animation to `path`, the [`TrackOptions::output`] of its import, and the meshes.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -57,11 +57,11 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
 
     let mut colliders = Colliders::default();
     for (mesh, (file, read)) in options.colliders.iter().zip(meshes) {
-        colliders.add(mesh, file, read, timing.first_mesh_frame(), &options.folder)?;
+        colliders.add(mesh, file, read, timing.first_mesh_frame(), options)?;
     }
     let mut goals = Goals::default();
     for (goal, read) in options.goals.iter().zip(goal_inputs) {
-        goals.add(goal, read, timing, &options.folder, options.groom.as_ref())?;
+        goals.add(goal, read, timing, options)?;
     }
     let mut report = TrackReport {
         path: options.motion.path.clone(),
@@ -114,7 +114,8 @@ impl Inputs {
     fn read(options: &TrackOptions) -> Result<Self> {
         let rest_of = options.groom.as_ref().and_then(TrackGroom::rest_stage);
         let curves = options.groom.as_ref().and_then(|groom| groom.curves.as_ref());
-        let motion = read_motion(&options.motion, &options.joint, rest_of.as_deref(), curves);
+        let motion = read_motion(&options.motion, &options.joint, rest_of.as_deref(), curves)
+            .and_then(|motion| motion.check_places(&options.motion.path).map(|()| motion));
         let timing = match &motion {
             Ok(motion) => Some(Timing::new(options, motion)?),
             Err(_) => None,
@@ -228,7 +229,7 @@ fn rest_pose(options: &TrackOptions, motion: &Motion, first: usize) -> Result<(R
 fn origin(options: &TrackOptions, motion: &Motion, kind: RestPose) -> Result<Origin> {
     let bind = motion.stage.as_ref().filter(|_| kind == RestPose::Bind);
     Ok(Origin {
-        file: relative(&options.motion.path, &options.folder)?,
+        file: relative(&options.motion.path, options.folder())?,
         prim: motion.stage.as_ref().map(|stage| stage.prim.clone()),
         time: None,
         space: bind.map_or(RestSpace::World, |stage| stage.rest.space),
@@ -242,7 +243,7 @@ fn over(options: &TrackOptions, motion: &Motion) -> Result<Option<OverFile>> {
         return Ok(None);
     }
     Ok(Some(OverFile {
-        file: relative(&options.motion.path, &options.folder)?,
+        file: relative(&options.motion.path, options.folder())?,
         prims,
         metres_per_unit: Some(motion.convention.metres_per_unit),
         up_axis: Some(motion.convention.up),
@@ -354,7 +355,7 @@ mod tests {
     fn a_track_keeps_its_motion_rate_and_rest_pose() {
         let folder = tempfile::tempdir().unwrap();
         let pivot = Vector3::new(0.0, 1.4, 0.1);
-        let mut options = TrackOptions::new(motion_file(folder.path(), 49), folder.path());
+        let mut options = TrackOptions::new(motion_file(folder.path(), 49), folder.path().join("anim.json"));
         options.pivot = Some(pivot);
         options.smoothing_hz = Some(0.0);
         let Track { anim: file, report, .. } = track(&options).unwrap();
@@ -389,7 +390,7 @@ mod tests {
         file["frames"][0] = serde_json::json!({ "translation": [0.0, 170.0, 80.0], "rotation_quat_wxyz": [1.0, 0.0, 0.0, 0.0] });
         std::fs::write(&motion.path, file.to_string()).unwrap();
 
-        let mut options = TrackOptions::new(motion, folder.path());
+        let mut options = TrackOptions::new(motion, folder.path().join("anim.json"));
         let Track { anim, report, .. } = track(&options).unwrap();
         assert_eq!(report.pops, [TrackPop { frame: 1001.0, samples: 1 }]);
         assert!(report.to_string().contains("at frame 1001") && report.to_string().contains("--pops bridge"));
@@ -414,12 +415,13 @@ mod tests {
         let shelf = folder.path().join("meshes");
         std::fs::create_dir(&shelf).unwrap();
         std::fs::write(shelf.join("7 head.obj"), "v 0 0 0\nv 200 0 0\nv 0 300 0\nf 1 2 3\n").unwrap();
-        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("shots/a"));
-        std::fs::create_dir_all(&options.folder).unwrap();
+        let mut options =
+            TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("shots/a/anim.json"));
+        std::fs::create_dir_all(options.folder()).unwrap();
         options.colliders = vec![ColliderMesh::new(Source::new(shelf.join("7 head.obj")))];
         let Track { anim: file, report, .. } = track(&options).unwrap();
         assert!(report.notes[0].contains("millimetres"), "{report}");
-        let anim = write_and_load(&file, &options.folder);
+        let anim = write_and_load(&file, options.folder());
         assert_eq!(anim.colliders[0].name, "mesh_7_head");
         let crate::geometry::Shape::Mesh(mesh) = &anim.colliders[0].shape else { panic!("not a mesh") };
         assert!((mesh.vertices[2].y - 0.3).abs() < 1e-6);
@@ -432,10 +434,10 @@ mod tests {
             let text = format!("v 0 {} 0\nv 200 0 0\nv 0 300 0\nf 1 2 3\n", frame - 1000);
             std::fs::write(folder.path().join(format!("silk_shirt.{frame}.obj")), text).unwrap();
         }
-        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path());
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("anim.json"));
         options.colliders = vec![ColliderMesh::new(Source::new(folder.path().join("silk_shirt.####.obj")))];
         let file = track(&options).unwrap().anim;
-        let anim = write_and_load(&file, &options.folder);
+        let anim = write_and_load(&file, options.folder());
         let collider = &anim.colliders[0];
         assert_eq!(
             (collider.name.as_str(), anim.bodies[collider.body].name.as_str()),
@@ -453,14 +455,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let motion = folder.path().join("walk.json");
         std::fs::write(&motion, r#"{ "fps": -1.0, "frames": [] }"#).unwrap();
-        let mut options = TrackOptions::new(Source::new(&motion), folder.path());
+        let mut options = TrackOptions::new(Source::new(&motion), folder.path().join("anim.json"));
         options.colliders = vec![ColliderMesh::new(Source::new(folder.path().join("no.obj")))];
         let Err(Error::BadInput(diagnostics)) = track(&options) else { panic!("accepted") };
         let files: Vec<_> =
             diagnostics.iter().map(|p| p.file.file_name().unwrap().to_string_lossy()).collect();
         assert_eq!(files, ["walk.json", "walk.json", "no.obj"]);
 
-        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path());
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("anim.json"));
         options.frames = Some([1, 9]);
         let Err(Error::BadInput(diagnostics)) = track(&options) else { panic!("accepted") };
         assert!(diagnostics[0].allowed.contains("1 to 5"), "{:?}", diagnostics[0]);

@@ -2,7 +2,7 @@
 
 use super::OBJ_DIGITS;
 use super::names::Names;
-use super::options::{GoalCurvesSource, TrackGroom};
+use super::options::{GoalCurvesSource, TrackGroom, TrackOptions};
 use super::timing::Timing;
 use crate::file::relative;
 use crate::import::formats::usd::goal::{self, MovingCurves};
@@ -77,8 +77,7 @@ impl GoalInput {
 }
 
 impl Goals {
-    /// Adds a goal. `read` are its curves, `timing` that of the bake, `folder` that of the animation, and
-    /// `groom` that of the guides, if it is known.
+    /// Adds a goal. `read` are its curves, `timing` that of the bake.
     ///
     /// # Errors
     /// Curves that match no guides or have other time codes, a unit that cannot be guessed, a path that has
@@ -88,8 +87,7 @@ impl Goals {
         from: &GoalCurvesSource,
         read: GoalInput,
         timing: &Timing,
-        folder: &Path,
-        groom: Option<&TrackGroom>,
+        options: &TrackOptions,
     ) -> Result<()> {
         let GoalCurvesSource { name, source, space } = from;
         let mut notes = Vec::new();
@@ -111,7 +109,7 @@ impl Goals {
             GoalInput::Sequence(curves) => {
                 let of_file = convention(source, Declared::default(), &curves.points, HAIR_SIZE, &mut notes)?;
                 (goal.metres_per_unit, goal.up_axis) = (Some(of_file.metres_per_unit), Some(of_file.up));
-                goal.sequence = relative(&source.path, folder)?;
+                goal.sequence = relative(&source.path, options.folder())?;
             }
             GoalInput::Stage { read, rate, codes_per_frame } => {
                 let of_file = convention(source, read.declared, &read.samples[0], HAIR_SIZE, &mut notes)?;
@@ -126,7 +124,7 @@ impl Goals {
                     )
                     .into());
                 }
-                let matched = Matched::new(&read, source, groom)?;
+                let matched = Matched::new(&read, source, options.groom.as_ref())?;
                 let first_sample = timing.first_mesh_frame();
                 let movement = Movement::new(&read, &matched.curves, codes_per_frame, first_sample);
                 if movement.moving == 0 {
@@ -136,8 +134,8 @@ impl Goals {
                 self.warnings.extend(warning.map(|what| format!("goal {}: {what}", goal.name)));
                 notes.extend(matched.note());
                 goal.ids = matched.ids.clone().map(Into::into);
-                goal.sequence = format!("goal_{}.####.obj", goal.name);
-                self.write(&goal.sequence, &read, &matched, &of_file, first_sample, folder);
+                goal.sequence = options.name_beside(&format!("goal_{}.####.obj", goal.name));
+                self.write(&goal.sequence, &read, &matched, &of_file, first_sample, options.folder());
             }
         }
         self.notes.extend(notes.iter().map(|note| format!("goal {}: {note}", goal.name)));

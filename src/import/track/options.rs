@@ -135,8 +135,9 @@ pub struct TrackOptions {
     pub motion: Source,
     /// The joint in it.
     pub joint: JointSelector,
-    /// Folder in which the animation will be written; paths of meshes are relative to it.
-    pub folder: PathBuf,
+    /// The animation file that will be written. Paths of meshes are relative to its folder, and the names of
+    /// those that are written there begin with its name.
+    pub output: PathBuf,
     /// Frames per second of the bake; `None` for the rate at which the file numbers its frames, or 24.
     pub fps: Option<f64>,
     /// First and last frame; `None` for the frames of the file, or 1001 to the end of the motion if it
@@ -161,12 +162,12 @@ pub struct TrackOptions {
 }
 
 impl TrackOptions {
-    /// The defaults for a motion file: no collider, no pivot.
-    pub fn new(motion: Source, folder: impl Into<PathBuf>) -> Self {
+    /// The defaults for a motion file and the animation file to write: no collider, no pivot.
+    pub fn new(motion: Source, output: impl Into<PathBuf>) -> Self {
         TrackOptions {
             motion,
             joint: JointSelector::default(),
-            folder: folder.into(),
+            output: output.into(),
             fps: None,
             frames: None,
             groom: None,
@@ -177,5 +178,19 @@ impl TrackOptions {
             smoothing_hz: None,
             pops: Pops::Error,
         }
+    }
+
+    /// The folder in which the animation will be written.
+    pub fn folder(&self) -> &Path {
+        self.output.parent().unwrap_or(Path::new(""))
+    }
+
+    /// The name `name` of a file that is written next to the animation, after the animation's own: several
+    /// shots may share a folder.
+    pub(super) fn name_beside(&self, name: &str) -> String {
+        let own = self.output.file_name().unwrap_or_default().to_string_lossy();
+        let own = own.strip_suffix(".json").unwrap_or(&own);
+        // A `#` stands for a digit of the frame number in the name of a sequence.
+        format!("{}.{name}", own.replace('#', "_"))
     }
 }

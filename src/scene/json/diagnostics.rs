@@ -79,6 +79,11 @@ impl Diagnostics {
         self.elsewhere.extend(diagnostics);
     }
 
+    /// Whether there is an error at this place in the file.
+    pub fn reports(&self, key: &Key) -> bool {
+        self.own.iter().any(|error| error.key == *key)
+    }
+
     /// Number of errors so far.
     pub fn len(&self) -> usize {
         self.own.len() + self.elsewhere.len()

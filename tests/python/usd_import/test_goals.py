@@ -108,11 +108,12 @@ def test_curves_of_each_frame_are_written_in_world_space(goals: Goals, scene: Pa
     animate(curves, in_centimetres)
     stage.Save()
     goal, folder, messages = goals(scene / "a.usda")
-    assert goal["sequence"] == "goal_a.####.obj" and (goal["metres_per_unit"], goal["up_axis"]) == (1, "y")
+    assert goal["sequence"] == "anim.goal_a.####.obj"
+    assert (goal["metres_per_unit"], goal["up_axis"]) == (1, "y")
     assert "ids" not in goal and "4 curves, in the order of the guides" in messages
     for frame in FRAMES:
         expected = swinging(frame) + [0.05 * (frame - FRAMES[0]), 1, 0]
-        assert np.allclose(read_obj(folder / f"goal_a.{frame}.obj"), expected, atol=1e-6)
+        assert np.allclose(read_obj(folder / f"anim.goal_a.{frame}.obj"), expected, atol=1e-6)
 
 
 def test_curves_belong_to_guides_by_id(goals: Goals, scene: Path) -> None:
@@ -122,7 +123,7 @@ def test_curves_belong_to_guides_by_id(goals: Goals, scene: Path) -> None:
     assert "2 guides have a curve, by id; 2 guides and 1 curves are without each other" in " ".join(
         messages.split()
     )
-    found = read_obj(folder / "goal_curves.1003.obj")
+    found = read_obj(folder / "anim.goal_curves.1003.obj")
     assert np.allclose(found, swinging(1003, 3)[[1, 0]], atol=1e-6)
 
 
@@ -132,7 +133,7 @@ def test_guides_count_where_there_are_any(goals: Goals, scene: Path) -> None:
     UsdGeom.Imageable(stage.GetPrimAtPath("/curves")).CreatePurposeAttr("guide")
     stage.Save()
     _, folder, messages = goals(scene / "a.usda")
-    assert len(read_obj(folder / "goal_a.1001.obj")) == 4 and "curves of /curves" in messages
+    assert len(read_obj(folder / "anim.goal_a.1001.obj")) == 4 and "curves of /curves" in messages
 
 
 def test_a_sequence_of_obj_files_is_referred_to(goals: Goals, scene: Path) -> None:
@@ -192,7 +193,7 @@ def test_curves_that_end_before_the_shot_are_told(goals: Goals, scene: Path) -> 
         "4 of 4 curves that move have samples for a part of the frames 1001 to 1005 only (all have them from"
     )
     assert f"{told} 1001 to 1003), and stand still in the others" in " ".join(messages.split())
-    assert np.allclose(read_obj(folder / "goal_a.1005.obj"), swinging(1003), atol=1e-6)
+    assert np.allclose(read_obj(folder / "anim.goal_a.1005.obj"), swinging(1003), atol=1e-6)
 
 
 def test_curves_that_stand_still_on_purpose_are_not_told(goals: Goals, scene: Path) -> None:

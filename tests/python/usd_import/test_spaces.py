@@ -86,7 +86,7 @@ def ways(hairbake: Run, shot: Path, tmp_path: Path) -> Ways:
         assert read["frames"] == [3, 5]
         last = len(read["bodies"][0]["track"]["translation"]) - 1
         moved = np.array([head_at(read, last, root) for root in roots])
-        vertices = read_vertices(folder / "skin.0005.obj")
+        vertices = read_vertices(folder / "anim.skin.0005.obj")
         return moved[np.lexsort(moved.T)], vertices, folder
 
     return run
@@ -113,7 +113,7 @@ def test_groom_and_track_of_asset_and_shot_agree(ways: Ways) -> None:
             # Samples before the shot are those of the pre-roll.
             track = json.loads((folder / "anim.json").read_text())["bodies"][0]["track"]
             assert (track["first_frame"], len(track["translation"])) == (1, 5)
-            assert (folder / "skin.0001.obj").is_file()
+            assert (folder / "anim.skin.0001.obj").is_file()
 
 
 def test_skin_of_an_instance_deforms(ways: Ways, shot: Path) -> None:

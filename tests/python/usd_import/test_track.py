@@ -159,10 +159,10 @@ def test_rigid_meshes_follow_the_head_and_deforming_ones_are_sequences(
     first = (folder / skin["shape"]["file"]).read_text().splitlines()
     assert np.allclose([float(x) for x in first[0].split()[1:]], [-0.1, 1.4, 0])
     assert sum(line.startswith("f ") for line in first) == 2
-    frames = sorted(path.name for path in folder.glob("cloth.*.obj"))
+    frames = sorted(path.name for path in folder.glob("anim.cloth.*.obj"))
     # All there are before the shot, for the pre-roll, and two after it.
-    assert frames == [f"cloth.{i:04d}.obj" for i in range(101, 112)]
-    second = (folder / "cloth.0106.obj").read_text().splitlines()[1]
+    assert frames == [f"anim.cloth.{i:04d}.obj" for i in range(101, 112)]
+    second = (folder / "anim.cloth.0106.obj").read_text().splitlines()[1]
     assert np.allclose([float(x) for x in second.split()[1:]], [-0.1, 0.1, -0.53])
     assert hairbake("check", folder / "anim.json").returncode == 0
 
@@ -189,7 +189,8 @@ def test_skinned_mesh_deforms_with_its_skeleton(hairbake: Run, track: Track, tmp
         tmp_path / "a.usda", "--joint", "Head", "--collider", f"{tmp_path}/a.usda:/char/coat"
     )
     (worn,) = anim["colliders"]
-    assert (worn["name"], worn["body"], worn["shape"]["sequence"]) == ("coat", "world", "coat.####.obj")
+    assert (worn["name"], worn["body"]) == ("coat", "world")
+    assert worn["shape"]["sequence"] == "anim.coat.####.obj"
     at_rest = read_vertices(folder / worn["shape"]["file"])
     assert np.allclose(at_rest, [[3, 1, 0.1], [3, 1.7, 0], [3.1, 1.25, 0]], atol=1e-6)
     for code in range(1, 6):
@@ -199,7 +200,7 @@ def test_skinned_mesh_deforms_with_its_skeleton(hairbake: Run, track: Track, tmp
             return np.array([3 + x, 1.5 + up * np.cos(nod), along + up * np.sin(nod)])
 
         half = (np.array([3.1, 1.25, along]) + on_head(0.1, -0.25)) / 2
-        found = read_vertices(folder / f"coat.{code:04d}.obj")
+        found = read_vertices(folder / f"anim.coat.{code:04d}.obj")
         expected = np.stack([np.array([3, 1, 0.1 + along]), on_head(0, 0.2), half])
         assert np.allclose(found, expected, atol=1e-5)
     assert hairbake("check", folder / "anim.json").returncode == 0
@@ -224,7 +225,7 @@ def test_faces_point_outwards_for_every_orientation(track: Track, tmp_path: Path
     colliders = [x for name in variants for x in ("--collider", f"{tmp_path}/a.usda:/{name}")]
     _, folder, _ = track(tmp_path / "a.usda", "--prim", "/char/head", *colliders)
     for name in variants:
-        lines = [line.split() for line in (folder / f"{name}.obj").read_text().splitlines()]
+        lines = [line.split() for line in (folder / f"anim.{name}.obj").read_text().splitlines()]
         points = np.array([line[1:] for line in lines if line[0] == "v"], float)
         a, b, c = points[[int(i) - 1 for i in next(line for line in lines if line[0] == "f")[1:]]]
         # y of a Z-up stage is -z in the OBJ file.

@@ -7,7 +7,7 @@ use crate::scene::anim::motion_file::load_motion;
 use crate::scene::json::array::Array;
 use crate::scene::json::diagnostics::{Diagnostics, MAX_REPORTED};
 use crate::scene::json::key::Key;
-use crate::scene::track::{Pop, PoseSamples, Track, find_pops};
+use crate::scene::track::{MAX_DISTANCE, Pop, PoseSamples, Track, find_pops};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -27,10 +27,17 @@ pub fn track(context: &mut Context, key: &Key, file: TrackFile) -> Option<Track>
     let (pops, smoothing_hz) = (file.pops, file.smoothing_hz);
     let start = file.first_frame.unwrap_or(context.frames.0.into()) / context.fps;
     let source = read_source(context, key, file)?;
+    if !check_places(context.diagnostics, &source.key, &source.poses) {
+        return None;
+    }
     let (poses, bridged) = match source.numbers {
         Some(numbers) => fill_gaps(context.diagnostics, &key.name("frames"), &numbers, source.poses, pops)?,
         None => (source.poses, Vec::new()),
     };
+    // Without a rate there are no times to check.
+    if context.diagnostics.reports(&Key::at("fps")) || context.diagnostics.reports(&key.name("fps")) {
+        return None;
+    }
     let mut samples = PoseSamples { start, rate: source.rate, poses, bridged };
     check_coverage(context, key, &samples);
     check_pops(context, &source.key, &mut samples, pops);
@@ -201,6 +208,18 @@ fn fill_gaps(
         filled.push(pose);
     }
     Some((filled, fillers))
+}
+
+/// Checks that the poses at `key` are places of a head. Reports those that are not, and returns false.
+fn check_places(diagnostics: &mut Diagnostics, key: &Key, poses: &[Isometry3<f64>]) -> bool {
+    let places = poses.iter().map(|pose| pose.translation.vector).enumerate();
+    let far: Vec<_> = places.filter(|(_, x)| x.norm() > MAX_DISTANCE).take(MAX_REPORTED).collect();
+    for (i, x) in &far {
+        let message = format!("is at ({:.3e}, {:.3e}, {:.3e}) m", x.x, x.y, x.z);
+        let allowed = format!("up to {MAX_DISTANCE:e} m from the origin");
+        diagnostics.add(&key.index(*i), message, allowed, "correct the sample, or the metres per unit");
+    }
+    far.is_empty()
 }
 
 /// Checks that the track covers the frames of the bake.
