@@ -5,7 +5,6 @@ use super::control::Control;
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use super::job::Job;
-use super::start_check;
 use super::work_dir::RunCheckpoint;
 use crate::dynamics::checkpoint::Checkpoint;
 use crate::dynamics::simulation::Simulation;
@@ -121,8 +120,6 @@ impl<'a> Run<'a> {
             while job.steps_to(next) <= simulation.taken() {
                 next += 1;
             }
-        } else {
-            start_check::check(job, &simulation)?;
         }
         let saved = (simulation.taken(), Instant::now());
         Ok(Run { job, control, stage, simulation, next, record, saved, unsynced: Vec::new() })

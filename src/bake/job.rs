@@ -5,6 +5,7 @@ mod finished_cache;
 use super::base_cache::{BaseCache, GroupSelection};
 use super::cache_content::CacheContent;
 use super::over::OverPlan;
+use super::start_check;
 use super::work_dir::WorkDir;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
@@ -60,16 +61,42 @@ impl Job {
     /// Begins or resumes a bake into the folder `out`; `inputs` are the files of the scene.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`], before anything is
-    /// written.
+    /// [`crate::Error::Io`] if the folder cannot be written; before anything is written or removed, those of
+    /// [`Job::new`] and [`Job::check_start`], and a finished cache of another bake in the folder.
     pub fn begin(
+        groom: Groom,
+        anim: Anim,
+        inputs: Vec<InputRecord>,
+        options: JobOptions,
+        out: &Path,
+    ) -> Result<Self> {
+        let overwrite = options.overwrite;
+        let job = Job::new(groom, anim, inputs, options, out)?;
+        if !overwrite {
+            let Job { key, inputs, settings, anim, .. } = &job;
+            finished_cache::keep(out, &Planned { key, inputs, settings, frames: anim.frames })?;
+        }
+        // A bake that has begun has passed the check.
+        if !job.work.has_begun() {
+            job.check_start()?;
+        }
+        let frames = job.frames();
+        job.work.begin((*frames.start(), *frames.end()))?;
+        Ok(job)
+    }
+
+    /// A bake into the folder `out`, of which nothing is written yet; `inputs` are the files of the scene.
+    ///
+    /// # Errors
+    /// Those of [`BaseCache::open`].
+    pub fn new(
         groom: Groom,
         anim: Anim,
         mut inputs: Vec<InputRecord>,
         options: JobOptions,
         out: &Path,
     ) -> Result<Self> {
-        let JobOptions { set, only, over, overwrite } = options;
+        let JobOptions { set, only, over, .. } = options;
         if let Some(OverPlan { target, .. }) = &over {
             let file = target.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
             inputs.push(InputRecord { role: "over".into(), file, sha256: target.sha256.clone() });
@@ -89,23 +116,28 @@ impl Job {
             None => None,
         };
         let key = key(&anim, &inputs, &settings);
-        if !overwrite {
-            let bake = Planned { key: &key, inputs: &inputs, settings: &settings, frames: anim.frames };
-            finished_cache::keep(out, &bake)?;
-        }
-        let (first, last) = anim.frames;
-        let work = WorkDir::begin(out, &key, (first - 1, last + 1))?;
+        let work = WorkDir::new(out, &key);
         Ok(Job { groom, anim, rods, base, over, inputs, settings, out: out.into(), key, work })
     }
 
-    /// The frames of the cache: the shot with one handle frame before it and one after it.
-    pub fn frames(&self) -> RangeInclusive<i32> {
-        self.anim.frames.0 - 1..=self.anim.frames.1 + 1
+    /// Checks where the groom lies when the pre-roll starts.
+    ///
+    /// # Errors
+    /// [`crate::Error::BadInput`] for each body that holds most of the groom.
+    pub fn check_start(&self) -> Result<()> {
+        let anim = self.inputs.iter().find(|input| input.role == "anim");
+        let file = Path::new(anim.map_or("anim.json", |input| &input.file));
+        start_check::check(&self.groom, &self.anim, &self.rods, file)
     }
 
-    /// The frames that are simulated: the strands of the last frame depend on some frames after it.
+    /// As [`cache_frames`].
+    pub fn frames(&self) -> RangeInclusive<i32> {
+        cache_frames(&self.anim)
+    }
+
+    /// As [`simulated_frames`].
     pub fn simulated(&self) -> RangeInclusive<i32> {
-        *self.frames().start()..=self.frames().end() + LOOKAHEAD as i32
+        simulated_frames(&self.anim)
     }
 
     /// Sub-steps from the start of the pre-roll to a frame.
@@ -118,6 +150,17 @@ impl Job {
     pub(super) fn steps_before(&self, frame: i32) -> i64 {
         if frame > *self.frames().start() { self.steps_to(frame - 1) } else { 0 }
     }
+}
+
+/// The frames of the cache of a bake of `anim`: the shot with one handle frame before it and one after it.
+pub fn cache_frames(anim: &Anim) -> RangeInclusive<i32> {
+    anim.frames.0 - 1..=anim.frames.1 + 1
+}
+
+/// The frames that a bake of `anim` simulates: the strands of the last frame depend on some frames after it.
+pub fn simulated_frames(anim: &Anim) -> RangeInclusive<i32> {
+    let frames = cache_frames(anim);
+    *frames.start()..=frames.end() + LOOKAHEAD as i32
 }
 
 /// Which guides a bake of some groups must simulate: its own, those that its strands are interpolated from,

@@ -25,4 +25,5 @@ mod summary;
 pub mod work_dir;
 
 pub use stages::{assemble, bake, input_records, interpolate, simulate};
+pub use start_check::check_start;
 pub use summary::{BakeSummary, StageSeconds};

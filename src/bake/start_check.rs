@@ -1,9 +1,10 @@
 //! Whether a bake can start: where the groom lies among the bodies.
 
-use super::job::Job;
 use crate::dynamics::exemption::Exemption;
+use crate::dynamics::guide_rods::GuideRods;
 use crate::dynamics::simulation::Simulation;
 use crate::error::Diagnostic;
+use crate::scene::{Anim, Groom};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -11,14 +12,26 @@ use std::path::Path;
 /// hair drawn through an ear are some per cent; a groom in another space than the body is nearly all.
 const MAX_EXEMPT: f64 = 0.5;
 
-/// Checks where the groom lies at the start of the pre-roll.
+/// Checks where `groom` lies when the pre-roll of a bake starts. Errors name `file`, that of `anim`.
 ///
 /// # Errors
 /// [`Error::BadInput`] for each body that holds most of the groom.
-pub fn check(job: &Job, simulation: &Simulation) -> Result<()> {
-    let anim = job.inputs.iter().find(|input| input.role == "anim");
-    let file = Path::new(anim.map_or("anim.json", |input| &input.file));
-    let errors: Vec<Diagnostic> = (job.anim.colliders.iter().enumerate())
+pub fn check_start(groom: Groom, anim: &Anim, file: &Path) -> Result<()> {
+    let groom = groom.with_default_trees(anim.settings.nodes);
+    let rods = GuideRods::new(&groom, anim);
+    check(&groom, anim, &rods, file)
+}
+
+/// As [`check_start`], of a groom with trees and its guides as `rods`.
+///
+/// # Errors
+/// As [`check_start`].
+pub(super) fn check(groom: &Groom, anim: &Anim, rods: &GuideRods, file: &Path) -> Result<()> {
+    if anim.colliders.is_empty() {
+        return Ok(());
+    }
+    let simulation = Simulation::new(groom, anim, rods);
+    let errors: Vec<Diagnostic> = (anim.colliders.iter().enumerate())
         .zip(simulation.exemptions())
         .filter(|(_, exemption)| exemption.share() > MAX_EXEMPT)
         .map(|((i, collider), Exemption { exempt, segments })| {
@@ -37,5 +50,5 @@ pub fn check(job: &Job, simulation: &Simulation) -> Result<()> {
             )
         })
         .collect();
-    if errors.is_empty() { Ok(()) } else { Err(Error::BadInput(errors)) }
+    Error::if_any(errors)
 }

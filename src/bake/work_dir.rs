@@ -99,15 +99,24 @@ pub struct WorkDir {
 }
 
 impl WorkDir {
-    /// Opens the work folder in the cache folder `out`, or makes it. Removes the files of another bake, and
-    /// marks its cache as unfinished.
+    /// The work folder of the bake with this key in the cache folder `out`; it need not exist yet.
+    pub fn new(out: &Path, key: &str) -> Self {
+        WorkDir { out: out.into(), key: key.into() }
+    }
+
+    /// True once [`WorkDir::begin`] has been called for this bake, in any process, and not for another since.
+    pub fn has_begun(&self) -> bool {
+        Description::read(&self.out).is_ok_and(|description| description.key == self.key)
+    }
+
+    /// Opens the folder, or makes it. Removes the files of another bake, and marks its cache as unfinished.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn begin(out: &Path, key: &str, frames: (i32, i32)) -> Result<Self> {
-        let work = WorkDir { out: out.into(), key: key.into() };
+    pub fn begin(&self, frames: (i32, i32)) -> Result<()> {
+        let WorkDir { out, key } = self;
         // The cache may come from an untrusted source: its work folder must not link elsewhere.
-        for folder in [out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| work.folder(name))) {
+        for folder in [out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| self.folder(name))) {
             std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
             if folder.is_symlink() {
                 return Err(Error::io(
@@ -116,14 +125,15 @@ impl WorkDir {
                 ));
             }
         }
-        let description = Description { format: "hairbake-work".into(), version: 1, key: key.into(), frames };
+        let description =
+            Description { format: "hairbake-work".into(), version: 1, key: key.clone(), frames };
         if Description::read(out).ok().as_ref() != Some(&description) {
             crate::cache::mark_unfinished(out)?;
-            work.clear_other_bakes()?;
+            self.clear_other_bakes()?;
             let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Internal(e.to_string()))?;
             write_file_if_changed(&out.join(FOLDER).join("job.json"), &[json])?;
         }
-        Ok(work)
+        Ok(())
     }
 
     /// Opens an existing work folder without changing it.

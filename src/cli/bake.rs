@@ -107,14 +107,16 @@ pub fn run(arguments: &BakeArguments, origins: &OptionOrigins, progress: Progres
     let BakeArguments { scene, frames, finish, run, dry_run, explain } = arguments;
     let shot = frames.as_ref().map(|list| list.shot);
     if *dry_run || *explain {
-        let plan = explain::plan(scene, &scene.load(shot)?, origins)?;
+        let loaded = scene.load(shot)?;
+        let plan = explain::plan(scene, &loaded, origins)?;
         if *dry_run {
+            loaded.check_start()?;
             return console::data(plan.as_bytes());
         }
         console::say(plan.trim_end());
     }
     let control = run.control()?;
-    let job = scene.job(shot, |settings| finish.check(settings))?;
+    let job = scene.job(shot, |anim| finish.check(&anim.settings))?;
     if let Some(FrameList { frames, .. }) = frames.as_ref().filter(|list| !list.is_complete()) {
         let last = frames.iter().max().map_or(*job.frames().start(), |last| last + LOOKAHEAD as i32);
         let segment = [*job.frames().start(), last];
@@ -149,10 +151,11 @@ fn check_guarantees(summary: &BakeSummary) -> Result<()> {
     match broken.next() {
         None => Ok(()),
         Some((frame, what)) => {
-            let (what, count) = (what.join(", "), broken.count() + 1);
-            Err(Error::Broken(format!(
-                "guarantees are broken in {count} frames; first in frame {frame}: {what}"
-            )))
+            let (what, more) = (what.join(", "), broken.count());
+            let and_preroll =
+                if summary.frames.first().is_some_and(|f| f.frame == frame) { " or before it" } else { "" };
+            let more = if more > 0 { format!(", and in {more} more frames") } else { String::new() };
+            Err(Error::Broken(format!("guarantees are broken in frame {frame}{and_preroll}: {what}{more}")))
         }
     }
 }

@@ -5,9 +5,9 @@ use super::{console, summary, values};
 use crate::bake::base_cache::GroupSelection;
 use crate::bake::job::{Job, JobOptions};
 use crate::bake::over::{self, OverPlan, Undeformable};
-use crate::cache::{DEFORM, MANIFEST, OVER, SHOT};
+use crate::cache::{DEFORM, InputRecord, MANIFEST, OVER, SHOT};
 use crate::error::{Diagnostic, Error, Result};
-use crate::scene::anim::{OutputCurves, Resolution, Settings};
+use crate::scene::anim::{OutputCurves, Resolution};
 use crate::scene::{Anim, Groom, LoadOptions, OverSource, Override, PathMap, SourceCurves};
 use crate::{bake, import, scene};
 use clap::Args;
@@ -171,9 +171,9 @@ impl SceneArguments {
     ///
     /// # Errors
     /// As [`SceneArguments::load`]; those of `check`.
-    pub fn job(&self, shot: Option<(i32, i32)>, check: impl FnOnce(&Settings) -> Result<()>) -> Result<Job> {
+    pub fn job(&self, shot: Option<(i32, i32)>, check: impl FnOnce(&Anim) -> Result<()>) -> Result<Job> {
         let scene = self.load(shot)?;
-        check(&scene.anim.settings)?;
+        check(&scene.anim)?;
         let out = scene.out.clone();
         let job = scene.begin(&out)?;
         if !out.join(MANIFEST).exists() {
@@ -276,10 +276,28 @@ impl Scene {
     /// # Errors
     /// Those of [`Job::begin`].
     pub fn begin(self, out: &Path) -> Result<Job> {
+        self.job(out, Job::begin)
+    }
+
+    /// Checks where the groom lies when the bake starts. Writes nothing.
+    ///
+    /// # Errors
+    /// Those of [`Job::new`] and [`Job::check_start`].
+    pub fn check_start(self) -> Result<()> {
+        let out = self.out.clone();
+        self.job(&out, Job::new)?.check_start()
+    }
+
+    /// The bake in the folder `out`, made by `make`.
+    fn job(
+        self,
+        out: &Path,
+        make: impl FnOnce(Groom, Anim, Vec<InputRecord>, JobOptions, &Path) -> Result<Job>,
+    ) -> Result<Job> {
         let Scene { groom, anim, groom_file, anim_file, options, set, only, over, overwrite, .. } = self;
         let inputs = bake::input_records(&groom_file, &anim_file, &options)?;
         let options = JobOptions { set: &set, only: only.as_ref(), over, overwrite };
-        Job::begin(groom, anim, inputs, options, out)
+        make(groom, anim, inputs, options, out)
     }
 
     /// Checks that the curves to write exist.
@@ -347,7 +365,10 @@ fn over_plan(
 }
 
 /// Checks that `anim`, read from `file`, steps guides whose roots are pinned or free.
-fn check_resolution(file: &Path, anim: &Anim) -> Result<()> {
+///
+/// # Errors
+/// [`Error::BadInput`].
+pub fn check_resolution(file: &Path, anim: &Anim) -> Result<()> {
     let resolution = anim.resolution();
     if !anim.frees_roots() || resolution == Resolution::Full {
         return Ok(());

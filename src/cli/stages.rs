@@ -6,6 +6,7 @@ use super::progress::Progress;
 use super::run_arguments::RunArguments;
 use super::scene_arguments::{SELECTION, SceneArguments};
 use crate::bake;
+use crate::bake::job::{cache_frames, simulated_frames};
 use crate::error::{Error, Result};
 use clap::Args;
 use std::ops::RangeInclusive;
@@ -85,10 +86,12 @@ struct ShotArgument {
 /// Simulates a segment.
 pub fn simulate(arguments: &SimulateArguments, progress: Progress) -> Result<()> {
     let control = arguments.run.control()?;
-    let job = arguments.scene.job(arguments.whole.shot, |_| Ok(()))?;
+    let job = arguments.scene.job(arguments.whole.shot, |anim| match arguments.frames {
+        Some((first, last)) => check_frames(&simulated_frames(anim), &[first, last]),
+        None => Ok(()),
+    })?;
     let all = job.simulated();
     let (first, last) = arguments.frames.unwrap_or((*all.start(), *all.end()));
-    check_frames(&all, &[first, last])?;
     let summary = progress.through(|show| bake::simulate(&job, [first, last], &control, show))?;
     say_frames("simulated", &summary, &job.out);
     Ok(())
@@ -97,9 +100,12 @@ pub fn simulate(arguments: &SimulateArguments, progress: Progress) -> Result<()>
 /// Writes frames from simulated guides.
 pub fn interpolate(arguments: &InterpolateArguments, progress: Progress) -> Result<()> {
     let control = arguments.run.control()?;
-    let job = arguments.scene.job(arguments.whole.shot, |_| Ok(()))?;
-    let frames = arguments.frames.as_ref().map_or_else(|| job.frames().collect(), |list| list.frames.clone());
-    check_frames(&job.frames(), &frames)?;
+    let given = arguments.frames.as_ref().map(|list| &list.frames);
+    let job = arguments.scene.job(arguments.whole.shot, |anim| match given {
+        Some(frames) => check_frames(&cache_frames(anim), frames),
+        None => Ok(()),
+    })?;
+    let frames = given.cloned().unwrap_or_else(|| job.frames().collect());
     let summary = progress.through(|show| bake::interpolate(&job, &frames, &control, show))?;
     say_frames("interpolated", &summary, &job.out);
     Ok(())
@@ -108,7 +114,7 @@ pub fn interpolate(arguments: &InterpolateArguments, progress: Progress) -> Resu
 /// Finishes a cache whose frames are done.
 pub fn assemble(arguments: &AssembleArguments) -> Result<()> {
     let finish = &arguments.finish;
-    let job = arguments.scene.job(arguments.whole.shot, |settings| finish.check(settings))?;
+    let job = arguments.scene.job(arguments.whole.shot, |anim| finish.check(&anim.settings))?;
     finish.report(&bake::assemble(&job)?, &job.out, &arguments.scene.title())
 }
 

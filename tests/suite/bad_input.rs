@@ -2,6 +2,7 @@
 
 use crate::common::{Scene, bake, entries};
 use assert_cmd::assert::Assert;
+use predicates::str::contains;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -21,9 +22,14 @@ fn baked(change: impl FnOnce(&mut Value, &mut Value)) -> Assert {
 
 /// The report of a bake that is refused as bad input, without its line breaks.
 fn refused(change: impl FnOnce(&mut Value, &mut Value)) -> String {
-    let output = baked(change).code(65).stdout("").get_output().stderr.clone();
-    let text = String::from_utf8(output).unwrap();
+    let text = joined(&baked(change).code(65).stdout(""));
     assert!(text.contains("nothing written") && text.contains("allowed:"), "{text}");
+    text
+}
+
+/// What a command said on standard error, without its line breaks.
+fn joined(said: &Assert) -> String {
+    let text = String::from_utf8_lossy(&said.get_output().stderr);
     text.split_whitespace().filter(|word| !matches!(*word, "│" | "╰─▶")).collect::<Vec<_>>().join(" ")
 }
 
@@ -81,6 +87,42 @@ fn tracks_with_gaps_pops_or_missing_frames_are_rejected() {
     says(&text, &["covers frames", "1040", "shorten \"frames\""]);
     let text = refused(|_, anim| anim["frames"] = json!([1008, 1001]));
     says(&text, &["frames", "1008"]);
+}
+
+#[test]
+fn samples_far_from_the_origin_are_rejected_by_their_value() {
+    // The squares of the first are infinite; the last is far by its unit.
+    for (x, unit, shown) in [
+        (1e300, 1.0, "1.000e300"),
+        (-1e100, 1.0, "-1.000e100"),
+        (2e6, 1.0, "2.000e6"),
+        (2e8, 0.01, "2.000e6"),
+    ] {
+        let text = refused(|_, anim| {
+            anim["metres_per_unit"] = json!(unit);
+            anim["bodies"][0]["track"]["translation"][3] = json!([x, 1.5, 0.0]);
+            // A track may follow jumps, but to no other place.
+            anim["bodies"][0]["track"]["pops"] = json!("keep");
+        });
+        says(&text, &["1 error", "bodies[0].track.translation[3]", &format!("is at ({shown},")]);
+        says(&text, &["allowed: up to 1e6 m from the origin"]);
+    }
+}
+
+#[test]
+fn a_wrong_rate_gives_no_errors_of_times() {
+    for fps in [-24.0, 0.0, 1e300] {
+        let text = refused(|_, anim| anim["fps"] = json!(fps));
+        says(&text, &["1 error", "fps", "is out of range", "allowed: 1 to 1000"]);
+        let text = refused(|_, anim| anim["bodies"][0]["track"]["fps"] = json!(fps));
+        says(&text, &["1 error", "bodies[0].track.fps", "is out of range"]);
+    }
+    // What does not depend on it is reported as well.
+    let text = refused(|_, anim| {
+        anim["fps"] = json!(-24);
+        anim["bodies"][0]["track"]["frames"] = json!([0, 1, 2, 3, 5, 6, 7, 8]);
+    });
+    says(&text, &["2 errors", "fps: -24 is out of range", "bodies[0].track.frames"]);
 }
 
 #[test]
@@ -163,7 +205,58 @@ fn a_groom_that_is_mostly_inside_a_body_is_refused() {
     let assert = bake(&scene.groom, &scene.anim, &out).assert().code(65);
     let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
     says(&text, &["colliders[0]", "guide segments are inside \"ball\"", "at most half of them"]);
-    assert!(!out.join("manifest.json").exists());
+    says(&text, &["nothing written"]);
+    assert!(!out.exists());
+    let files = [&scene.groom, &scene.anim];
+    let run = |words: &[&str]| {
+        let mut command = crate::common::hairbake();
+        command.args(words).args(files);
+        command
+    };
+    let text = joined(&run(&["check"]).assert().code(65).stdout(""));
+    says(&text, &["anim.json: colliders[0]", "inside \"ball\""]);
+    for words in
+        [&["bake", "--dry-run"][..], &["simulate"], &["simulate", "--frames", "1000-1001"], &["estimate"]]
+    {
+        let text = joined(&run(words).arg("-o").arg(&out).assert().code(65).stdout(""));
+        says(&text, &["inside \"ball\"", "nothing written"]);
+        assert!(!out.exists(), "{words:?}");
+    }
+}
+
+#[test]
+fn a_refused_bake_keeps_the_cache_that_it_would_overwrite() {
+    let scene = through_a_ball(0.03);
+    let out = scene.folder.path().join("out");
+    let usual = ["--preroll", "0", "--substeps", "2", "--overwrite"];
+    let run = |stage: &str, options: &[&str]| {
+        let mut command = crate::common::hairbake();
+        command.arg(stage).args([&scene.groom, &scene.anim]).arg("-o").arg(&out).args(usual).args(options);
+        command.assert()
+    };
+    run("bake", &["--frames", "1001-1002", "--no-pictures"]).success();
+    let contents = || -> Vec<(String, Vec<u8>)> {
+        let files = entries(&out).into_iter().filter(|name| out.join(name).is_file());
+        files.map(|name| (name.clone(), crate::common::here(&out.join(name)))).collect()
+    };
+    let (whole, work) = (contents(), entries(&out.join(".hairbake/states")));
+    // Frames that the shot does not have, of other settings than those of the cache.
+    let outside = "is outside the frames of this stage";
+    run("simulate", &["--frames", "900-1004", "--nodes", "5"]).code(64).stderr(contains(outside));
+    run("interpolate", &["--frames", "900", "--nodes", "5"]).code(64).stderr(contains(outside));
+    assert!(contents() == whole && entries(&out.join(".hairbake/states")) == work);
+    // The hair is inside of a larger ball.
+    let text = String::from_utf8(crate::common::here(&scene.anim)).unwrap();
+    std::fs::write(&scene.anim, text.replacen("\"radius\":0.03", "\"radius\":0.12", 1)).unwrap();
+    for (stage, options) in [
+        ("bake", &["--frames", "1001-1002"][..]),
+        ("simulate", &["--shot", "1001-1002", "--frames", "1000-1002"]),
+        ("interpolate", &["--shot", "1001-1002"]),
+        ("assemble", &["--shot", "1001-1002"]),
+    ] {
+        says(&joined(&run(stage, options).code(65)), &["inside \"ball\"", "nothing written"]);
+        assert!(contents() == whole && entries(&out.join(".hairbake/states")) == work, "{stage}");
+    }
 }
 
 #[test]
@@ -192,6 +285,39 @@ fn implausible_units_are_rejected() {
     let assert = import.assert().code(65);
     says(&String::from_utf8_lossy(&assert.get_output().stderr), &["strands.tfx", "--units"]);
     assert!(!groom.exists());
+}
+
+#[test]
+fn coordinates_that_no_groom_and_no_head_has_are_rejected_on_import() {
+    let scene = Scene::import();
+    let at = |name: &str| scene.folder.path().join(name);
+    let import = |words: &[&str], file: &str| {
+        let out = at("far.json");
+        let mut import = crate::common::hairbake();
+        import.arg("import").args(words).arg(at(file)).arg("-o").arg(&out);
+        let text = joined(&import.assert().code(65));
+        assert!(!out.exists());
+        text
+    };
+    // A vertex of a strand of six, after the header, sixteen bytes each.
+    let sound = crate::common::here(&at("strands.tfx"));
+    for (strand, x, value) in [(2, 1e30f32, "1.000e28"), (5, -2e4, "-2.000e2")] {
+        let (mut bytes, vertex) = (sound.clone(), 160 + 16 * (6 * strand + 3));
+        bytes[vertex..vertex + 4].copy_from_slice(&x.to_le_bytes());
+        std::fs::write(at("far.tfx"), bytes).unwrap();
+        let text = import(&["groom", "--units", "cm"], "far.tfx");
+        let strand = format!("strand {strand} goes to ({value},");
+        says(
+            &text,
+            &["1 error", "far.tfx: strands", &strand, "allowed: strands that are 100 m across or less"],
+        );
+    }
+    let mut motion: Value = serde_json::from_slice(&crate::common::here(&at("turn.json"))).unwrap();
+    motion["frames"][3]["translation"][1] = json!(1e300);
+    std::fs::write(at("turn.json"), motion.to_string()).unwrap();
+    let text = import(&["track"], "turn.json");
+    says(&text, &["1 error", "turn.json: motion", "sample 3 is at (0.000e0, 1.000e300, 0.000e0) m"]);
+    says(&text, &["allowed: up to 1e6 m from the origin"]);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Head motions from files: the same motion as BVH in centimetres and as glTF in metres.
 
-use crate::common::{Scene, bake, hairbake};
+use crate::common::{Scene, bake, entries, hairbake, here};
 use hairbake::cache::Reader;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -84,6 +84,65 @@ fn the_head_follows_its_joint_in_bvh_and_gltf() {
             assert!(off < 2e-4, "{}: {found:?}, not {wanted:?}", motion.display());
         }
     }
+}
+
+/// A glTF file `face.gltf` in a new folder `name`, of one triangle of this size, m.
+fn face(folder: &Path, name: &str, size: f32) -> PathBuf {
+    let folder = folder.join(name);
+    std::fs::create_dir(&folder).unwrap();
+    let points = [[0.0, 0.0, 0.0], [size, 0.0, 0.0], [0.0, size, 0.0]];
+    let bytes: Vec<u8> = points.into_iter().flatten().flat_map(f32::to_le_bytes).collect();
+    let file = json!({
+        "asset": { "version": "2.0" },
+        "buffers": [{ "byteLength": bytes.len(), "uri": "face.bin" }],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "accessors": [{
+            "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+            "min": [0.0, 0.0, 0.0], "max": [size, size, 0.0],
+        }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "nodes": [{ "name": "face", "mesh": 0 }],
+    });
+    std::fs::write(folder.join("face.bin"), bytes).unwrap();
+    let path = folder.join("face.gltf");
+    std::fs::write(&path, file.to_string()).unwrap();
+    path
+}
+
+#[test]
+fn shots_in_one_folder_keep_their_own_meshes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, shots) = (bvh(folder.path()), folder.path().join("shots"));
+    let import = |name: &str, meshes: &[&Path]| {
+        let mut import = hairbake();
+        import.args(["-q", "import", "track"]).arg(&motion).args(["--joint", "Head", "-o"]);
+        import.arg(shots.join(name));
+        meshes.iter().for_each(|mesh| _ = import.arg("--collider").arg(mesh));
+        import.assert().success();
+    };
+    // The files that the colliders of an animation name.
+    let meshes = |name: &str| -> Vec<(String, String)> {
+        let anim: Value = serde_json::from_slice(&here(&shots.join(name))).unwrap();
+        let files =
+            anim["colliders"].as_array().unwrap().iter().map(|c| c["shape"]["file"].as_str().unwrap());
+        files.map(|file| (file.into(), String::from_utf8(here(&shots.join(file))).unwrap())).collect()
+    };
+    let [small, large, third] =
+        [("a", 0.2), ("b", 0.3), ("c", 0.4)].map(|(name, size)| face(folder.path(), name, size));
+    import("A.json", &[&small]);
+    let first = meshes("A.json");
+    assert!(first[0].0 == "A.face.obj" && first[0].1.contains("0.2"), "{first:?}");
+    // The name has another part, a character of patterns, and two meshes of one name.
+    for name in ["B.json", "A.v2.json", "A.v3", "A#.json"] {
+        import(name, &[&large, &third]);
+        assert_eq!(meshes("A.json"), first, "{name}");
+        let [one, other] = &meshes(name)[..] else { panic!("{name}") };
+        assert!(one.1.contains("0.3") && other.1.contains("0.4"), "{name}: {one:?}, {other:?}");
+    }
+    let names: Vec<String> = meshes("B.json").into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["B.face.obj", "B.face_2.obj"]);
+    let all = entries(&shots).into_iter().filter(|name| name.ends_with(".obj"));
+    assert_eq!(all.count(), 9);
 }
 
 #[test]
