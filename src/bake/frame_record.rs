@@ -101,7 +101,7 @@ pub struct FrameRecord {
     pub speed_p95_m_s: f64,
     /// The same: largest, m/s.
     pub speed_max_m_s: f64,
-    /// Largest relative change of the arc length of a segment of a guide since the start.
+    /// Largest relative error of the length of a segment of a guide, as cubics through its points and midpoints.
     pub length_drift: f64,
     /// Largest angle by which a segment of a guide turns, rad.
     pub segment_turn_rad: f64,
@@ -150,7 +150,7 @@ pub const RESIDUAL: f64 = 1e-3;
 
 /// Largest share of its energy that contact between guides may add to hair in a frame; what was pressed
 /// together and comes apart again gains less.
-const GAIN: f64 = 0.01;
+pub const GAIN: f64 = 0.01;
 
 impl FrameRecord {
     /// Exempt segments as a share of all; 0 without bodies.
@@ -158,10 +158,15 @@ impl FrameRecord {
         f64::from(self.exempt_segments) / f64::from(self.contact_segments.max(1))
     }
 
+    /// Largest residual of contact, with bodies and between guides.
+    pub fn residual(&self) -> f64 {
+        self.contact_residual.max(self.strand_residual)
+    }
+
     /// The guarantees that the frame breaks, in words.
     pub fn broken(&self) -> Vec<String> {
         let counted = |n: u32, what: &str| (n > 0).then(|| format!("{n} {what}"));
-        let residual = self.contact_residual.max(self.strand_residual);
+        let residual = self.residual();
         let residual = (residual > RESIDUAL)
             .then(|| format!("a contact residual of {residual:.1e} (limit {RESIDUAL:.0e})"));
         let broken = [
@@ -254,9 +259,9 @@ impl FrameRecord {
                 let carried = carrier.velocity + carrier.spin.cross(&(x - carrier.translation));
                 speeds.push((v - carried).norm());
             }
-            self.length_drift = self.length_drift.max(simulation.length_drift(i));
             let rod = &simulation.model.guides[i].rod;
             shape.update(rod, &rod.root.r, &g.q[0]);
+            self.length_drift = self.length_drift.max(shape.length_drift(rod, &g.q[0]));
             self.segment_turn_rad = self.segment_turn_rad.max(shape.largest_turn());
         }
         for body in simulation.exemptions() {

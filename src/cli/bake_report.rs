@@ -139,8 +139,9 @@ fn motion_charts(figures: &Figures) -> Vec<Chart> {
     let drift = chart(
         "Length drift of guides",
         "",
-        "Largest relative change of the length of a segment between two points of a guide. The rods are inextensible; \
-         the drift is the error of approximating them by segments of this length.",
+        "Largest relative error of the length of a segment between two points of a guide, as cubics through these and \
+         the point between them. The rods are inextensible; the drift is the error of approximating them by segments \
+         of this length.",
         vec![figures.count("largest", "length_drift")],
     );
     let speed = chart(

@@ -1,7 +1,7 @@
 //! What the user of a bake is warned of.
 
 use crate::bake::BakeSummary;
-use crate::bake::frame_record::FrameRecord;
+use crate::bake::frame_record::{FrameRecord, GAIN, RESIDUAL};
 use crate::report::Warning;
 use crate::report::view::Findings;
 
@@ -41,6 +41,18 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
             "some contacts with bodies were not at rest when the solver stopped, and hair may tremble there",
             ADVICE,
             |f| count(unsettled(f)),
+        ),
+        warning(
+            frames,
+            "forces of some contacts are off by more than a thousandth, and hair may tremble there",
+            ADVICE,
+            |f| (f.residual() > RESIDUAL).then(|| format!("{:.0e}", f.residual())),
+        ),
+        warning(
+            frames,
+            "contact between guides has put energy into them, a share of that with which they move",
+            ADVICE,
+            |f| (f.strand_gain > GAIN).then(|| format!("{:.0} %", 1e2 * f.strand_gain)),
         ),
         warning(
             frames,
@@ -232,6 +244,20 @@ mod tests {
         let frames = vec![frame(7, 0.004), frame(8, 0.3)];
         let text = warnings(&BakeSummary { frames, ..BakeSummary::default() })[0].to_text();
         assert!(text.contains("put energy into itself") && text.contains("in frame 8 (30 %)"), "{text}");
+    }
+
+    #[test]
+    fn what_strict_refuses_is_warned_of() {
+        let frames = vec![
+            FrameRecord { frame: 7, contact_residual: 3.4e-3, ..FrameRecord::default() },
+            FrameRecord { frame: 8, strand_residual: 9e-4, strand_gain: 0.02, ..FrameRecord::default() },
+        ];
+        let broken: Vec<i32> = frames.iter().filter(|f| !f.broken().is_empty()).map(|f| f.frame).collect();
+        assert_eq!(broken, [7, 8]);
+        let warnings = warnings(&BakeSummary { frames, ..BakeSummary::default() });
+        let [residual, gain] = &warnings[..] else { panic!("{warnings:?}") };
+        assert!(residual.to_text().contains("in frame 7 (3e-3);"), "{}", residual.to_text());
+        assert!(gain.to_text().contains("in frame 8 (2 %);"), "{}", gain.to_text());
     }
 
     #[test]

@@ -33,8 +33,6 @@ pub struct Simulation<'a> {
     pub env: Environment<'a>,
     /// Where the guides are.
     pub state: State,
-    /// Segment lengths of each guide at the start, m.
-    initial_lengths: Vec<Vec<f64>>,
 }
 
 /// The state of all guides between two sub-steps.
@@ -266,8 +264,6 @@ impl<'a> Simulation<'a> {
             GuideState::on_skins(guide, &kept, &env, skins.as_ref(), [t, h])
         };
         let guides: Vec<GuideState> = model.guides.par_iter().zip(&model.bundles).map(start).collect();
-        let lengths = |(state, guide): (&GuideState, _)| state.segment_lengths(guide);
-        let initial_lengths = guides.iter().zip(&model.guides).map(lengths).collect();
         let wisps = match anim.resolution() {
             Resolution::Full => None,
             _ => {
@@ -310,7 +306,7 @@ impl<'a> Simulation<'a> {
         state.rebuild(&model, &env);
         // Without a pre-roll it has ended already.
         adapt(&model, &mut env, &mut state);
-        Simulation { model, env, state, initial_lengths }
+        Simulation { model, env, state }
     }
 
     /// Takes one sub-step; returns what it did.
@@ -345,12 +341,6 @@ impl<'a> Simulation<'a> {
     /// energy and of what it would have at 5 cm/s.
     pub fn hair_gain(&self) -> f64 {
         self.state.hair_volume.as_ref().map_or(0.0, HairVolume::gain)
-    }
-
-    /// Largest relative change of the length of a segment of guide `i` since the start.
-    pub fn length_drift(&self, i: usize) -> f64 {
-        let now = self.state.guides[i].segment_lengths(&self.model.guides[i]);
-        now.iter().zip(&self.initial_lengths[i]).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
     }
 
     /// The guides now, in the groom's order; followers are where they were at the end of the last frame.
@@ -432,7 +422,7 @@ impl Checkpoint for Simulation<'_> {
     }
 
     fn restore(&mut self, saved: SimulationState) -> Result<(), StateMismatch> {
-        let Simulation { model, env, state, .. } = self;
+        let Simulation { model, env, state } = self;
         (state.taken, state.path) = (saved.taken, saved.path);
         state.guides.restore(saved.guides)?;
         let found = saved.wisps.iter().count();

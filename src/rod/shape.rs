@@ -125,6 +125,23 @@ impl RodShape {
         std::iter::once(self.x(0)).chain((0..rod.points() - 1).flat_map(next))
     }
 
+    /// Largest relative error of the length of a segment, as cubics through its points and midpoint with the tangents
+    /// there; `q` are the unknowns of this shape. The rod itself keeps its length.
+    pub fn length_drift(&self, rod: &Rod, q: &[f64]) -> f64 {
+        let drift = |(k, segment): (usize, &Segment<f64>)| {
+            let [forwards, backwards] = self.half_steps(rod, k, q);
+            let mean = |of: fn(&lanes::Pose<f64>) -> V3<f64>| {
+                (Vector3::from(of(&forwards)) + Vector3::from(of(&backwards))) / 2.0
+            };
+            let (middle, tangent) = (mean(|pose| pose.p), mean(|pose| pose.r.0[2]).normalize());
+            let half = 0.5 * segment.h;
+            let length = cubic_length([self.x(k), middle], [self.tangent(k), tangent], half)
+                + cubic_length([middle, self.x(k + 1)], [tangent, self.tangent(k + 1)], half);
+            (length / segment.h - 1.0).abs()
+        };
+        rod.core.segments.iter().enumerate().map(drift).fold(0.0, f64::max)
+    }
+
     /// The unit vectors d1 of the material frame at the points of [`RodShape::refined_curve`]
     /// (`docs/theory.md` eq. 3.4); `q` are the unknowns of this shape.
     pub fn refined_normals<'a>(
@@ -219,6 +236,18 @@ impl<F: Real> RodShape<F> {
     }
 }
 
+/// Length, m, of the cubic between the points `x`, m, with the unit tangents `t`, for a curve of length `h`, m, by
+/// three-point Gauss quadrature.
+fn cubic_length(x: [Vector3<f64>; 2], t: [Vector3<f64>; 2], h: f64) -> f64 {
+    let (chord, [ta, tb]) = (x[1] - x[0], t.map(|t| t * h));
+    let speed = |u: f64| {
+        let (d, e, f) = (6.0 * u * (1.0 - u), 1.0 - 4.0 * u + 3.0 * u * u, 3.0 * u * u - 2.0 * u);
+        (chord * d + ta * e + tb * f).norm()
+    };
+    let r = 0.5 * 0.6_f64.sqrt();
+    (5.0 * speed(0.5 - r) + 8.0 * speed(0.5) + 5.0 * speed(0.5 + r)) / 18.0
+}
+
 /// Unknowns of node `i`; zero at a tip without any.
 #[inline(always)]
 fn node<F: Real>(q: &[F], i: usize) -> V3<F> {
@@ -290,5 +319,21 @@ mod tests {
         };
         let (coarse, fine) = (error(4.0), error(8.0));
         assert!(coarse < 5e-6 && fine < coarse / 6.0, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn a_segment_that_turns_far_keeps_its_length() {
+        // A straight rod of one element, bent to arcs of up to 2 rad.
+        let line = [Vector3::zeros(), Vector3::z() * 0.05];
+        let rod = Rod::new(&RodSource::hair(&line, &[0.0, 1.0])).unwrap();
+        let turn_of_first = |turn: f64| {
+            let bend = turn / rod.arc[1];
+            let mut shape = RodShape::default();
+            let q = [bend, 0.0, 0.0].repeat(rod.unknowns() / 3);
+            assert!(shape.update(&rod, &rod.root.r, &q));
+            shape.length_drift(&rod, &q)
+        };
+        assert!(turn_of_first(1e-6) < 1e-12);
+        assert!((1e-6..2e-3).contains(&turn_of_first(2.0)), "{}", turn_of_first(2.0));
     }
 }

@@ -10,7 +10,7 @@ use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::geometry::{Deformation, Shape, TriMesh};
-use hairbake::rod::SegmentSize;
+use hairbake::rod::{RodShape, SegmentSize};
 use hairbake::scene::anim::Scheme;
 use hairbake::scene::{self, Collider, LoadOptions};
 use nalgebra::{Isometry3, Vector3};
@@ -68,15 +68,15 @@ fn run_with(
     env.bodies.prepare([0.0, 0.0]);
     let model = GuideModel { scheme, ..GuideModel::new(rod, drag, 0.3) };
     let mut state = GuideState::new(&model, &thickness, &env, 0.0, h);
-    let lengths = state.segment_lengths(&model);
     for i in 0..(seconds * RATE) as u32 {
         let span = [f64::from(i) * h, f64::from(i + 1) * h];
         env.bodies.prepare(span);
         let record = model.step(&env, &mut state, span, ContactMode::Bodies, &mut scratch);
         each(&state, span[1], record);
     }
-    let end = state.segment_lengths(&model);
-    let drift = end.iter().zip(&lengths).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    let (rod, mut shape) = (&model.rod, RodShape::default());
+    shape.update(rod, &rod.root.r, &state.q[0]);
+    let drift = shape.length_drift(rod, &state.q[0]);
     (drift, state)
 }
 

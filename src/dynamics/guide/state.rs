@@ -480,24 +480,6 @@ impl GuideState {
         };
         clearance.chunks_exact(halves).flat_map(of).collect()
     }
-
-    /// Arc length of each segment, m: of the cubic through its ends with their tangents, by three-point Gauss
-    /// quadrature.
-    pub fn segment_lengths(&self, model: &GuideModel) -> Vec<f64> {
-        let s = &model.rod.arc;
-        (0..s.len() - 1)
-            .map(|k| {
-                let (h, chord) = (s[k + 1] - s[k], self.x[k + 1] - self.x[k]);
-                let (ta, tb) = (self.tangent[k] * h, self.tangent[k + 1] * h);
-                let speed = |u: f64| {
-                    let (d, e, f) = (6.0 * u * (1.0 - u), 1.0 - 4.0 * u + 3.0 * u * u, 3.0 * u * u - 2.0 * u);
-                    (chord * d + ta * e + tb * f).norm()
-                };
-                let r = 0.5 * 0.6_f64.sqrt();
-                (5.0 * speed(0.5 - r) + 8.0 * speed(0.5) + 5.0 * speed(0.5 + r)) / 18.0
-            })
-            .collect()
-    }
 }
 
 impl Checkpoint for GuideState {
