@@ -43,8 +43,8 @@ impl Centres {
         }
     }
 
-    /// Draws a strand to the nearest centre, the more the nearer to the tip. `random`, 0 to 1, tells how much
-    /// of the strength the strand takes.
+    /// Draws a strand to the nearest centre, the more the nearer to the tip. It keeps its length. `random`, 0 to 1,
+    /// tells how much of the strength the strand takes.
     pub(super) fn draw(&self, strand: &mut Strand, random: f64) {
         if self.strength == 0.0 {
             return;
@@ -58,9 +58,14 @@ impl Centres {
         let most = (REACH * strand.length / squared.sqrt().max(f64::MIN_POSITIVE)).min(1.0);
         let strength = self.strength * (WEAKEST + (1.0 - WEAKEST) * random) * most;
         let pace = (strand.length / self.lengths[nearest]).min(1.0);
-        for (v, x) in strand.points.iter_mut().enumerate() {
+        let mut drawn = strand.points[0];
+        for v in 1..=last {
             let u = v as f64 / last as f64;
-            *x += (at(curve, u * pace) - *x) * (strength * u);
+            let x = strand.points[v];
+            let next = x + (at(curve, u * pace) - x) * (strength * u);
+            let along = (next - drawn).try_normalize(0.0).unwrap_or(strand.normal);
+            strand.points[v] = strand.points[v - 1] + along * (strand.length / last as f64);
+            drawn = next;
         }
     }
 }

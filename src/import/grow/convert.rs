@@ -191,7 +191,7 @@ impl<'a> Fur<'a> {
 
     /// The vertices of a strand, out of the surface.
     fn lifted(&self, mut strand: Strand) -> Vec<Vector3<f64>> {
-        self.growth.lift_out(&mut strand.points);
+        self.growth.lift_out(strand.length, &mut strand.points);
         strand.points
     }
 

@@ -9,7 +9,10 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Height above the skin to which fur is brought out beyond its root, m: the default thickness of a collider.
 pub(super) const CLEARANCE: f64 = 5e-4;
 
-/// Share of a strand within which it rises to [`CLEARANCE`].
+/// The same as a share of the length of a strand, where that is less: short fur would be kinked to reach more.
+const CLEARANCE_SHARE: f64 = 0.05;
+
+/// Share of a strand within which it rises to that height.
 const RISE: f64 = 0.3;
 
 /// How much of the turn into the direction that the surface asks for is done over the length of a strand, as
@@ -106,11 +109,11 @@ impl Growth<'_> {
         }
     }
 
-    /// Brings the vertices of a strand out of the surface, to a height that grows from the root.
-    pub(super) fn lift_out(&self, points: &mut [Vector3<f64>]) {
-        let last = points.len() - 1;
+    /// Brings the vertices of a strand of `length`, m, out of the surface, to a height that grows from the root.
+    pub(super) fn lift_out(&self, length: f64, points: &mut [Vector3<f64>]) {
+        let (last, clearance) = (points.len() - 1, CLEARANCE.min(CLEARANCE_SHARE * length));
         for (v, x) in points.iter_mut().enumerate().skip(1) {
-            let least = CLEARANCE * (v as f64 / last as f64 / RISE).min(1.0);
+            let least = clearance * (v as f64 / last as f64 / RISE).min(1.0);
             if let Some(foot) = self.surface.foot(x).filter(|foot| foot.height < least) {
                 *x += foot.out * (least - foot.height);
             }

@@ -324,3 +324,34 @@ fn everything_that_is_wrong_is_told_at_once() {
     let options = GrowOptions { density_field: Some("color".into()), ..options };
     assert!(messages(&options).contains("no part of the mesh bears fur"));
 }
+
+#[test]
+fn fur_of_a_small_animal_is_as_smooth_as_that_of_a_large_one() {
+    // Mean over all strands of the largest turn between two segments, rad.
+    let turn = |metres_per_unit: f64| {
+        let (_folder, mut options) = scene(SQUARE);
+        options.mesh.metres_per_unit = Some(metres_per_unit);
+        let curves = grow(&options).unwrap().0.strands.curves;
+        let largest = |c: usize| {
+            let x = curves.curve(c);
+            x.windows(3).map(|x| (x[1] - x[0]).angle(&(x[2] - x[1]))).fold(0.0, f64::max)
+        };
+        (0..curves.len()).map(largest).sum::<f64>() / curves.len() as f64
+    };
+    let [small, large] = [0.05, 1.0].map(turn);
+    assert!(large > 0.02 && (small / large - 1.0).abs() < 0.2, "{small} {large}");
+}
+
+#[test]
+fn clumps_keep_the_length_of_strands() {
+    let (_folder, mut options) = scene(SQUARE);
+    options.shape.length = Some(0.06);
+    (options.shape.length_variation, options.shape.frizz) = (0.0, 0.0);
+    options.clumps.iter_mut().for_each(|clumps| clumps.strength = 0.9);
+    let curves = grow(&options).unwrap().0.strands.curves;
+    // What enters the skin is lifted out.
+    let off = |c: usize| (polyline::length(curves.curve(c)) / 0.06 - 1.0).abs();
+    let off: Vec<f64> = (0..curves.len()).map(off).collect();
+    assert!(off.iter().all(|off| *off < 0.05), "{:?}", off.iter().copied().fold(0.0, f64::max));
+    assert!(off.iter().sum::<f64>() < 1e-3 * off.len() as f64, "{}", off.iter().sum::<f64>());
+}
