@@ -11,14 +11,14 @@ const INTERSECTING: f64 = 1e-9;
 /// Iterations of a bisection in time.
 const BISECTIONS: usize = 60;
 
-/// Samples of the time in which a pair that is too close at a place of a segment beside may meet.
+/// Samples of the time that is left once a pair is too close at a place that belongs to a segment beside it.
 const SAMPLES: u32 = 8;
 
 /// Bisections of the time between two samples.
 const REFINEMENTS: usize = 10;
 
-/// Share of the distance at the start at which a pair meets that lies beside one that is too close there: nearer, it is
-/// where that one has slid away.
+/// Share of the distance at the start below which a pair ends that gets a contact of its own, where a segment beside it is
+/// in contact in its place. Lower, what is lost in each sub-step adds up; 1 adds a contact at every vertex that is passed.
 pub(super) const NEIGHBOUR_SHARE: f64 = 0.99;
 
 /// Share of its distance at the start at which a pair that is in contact there meets anew: segments that turn a lot in a
@@ -74,10 +74,10 @@ impl MovingStrands<'_> {
         let end = [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)];
         let velocity = [0, 1].map(|s| [0, 1].map(|i| end[s][i] - start[s][i]));
         let around = self.distance_around(closest);
-        let scale = clearance.min(around);
-        if scale <= OVERLAP {
+        if closest.distance <= OVERLAP {
             return None;
         }
+        let scale = clearance.min(around).max(OVERLAP);
         let share = match around > clearance {
             true => 1.0,
             false if self.belongs_to_neighbours(closest, 0.0) => NEIGHBOUR_SHARE,

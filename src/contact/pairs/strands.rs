@@ -103,8 +103,8 @@ impl MovingStrands<'_> {
     /// The contact at the closest points at the start of the sub-step. `None` if they are at a vertex and
     /// belong to the segment next to it, or if the segments intersect, so that there is no direction.
     pub fn contact_candidate(&self, closest: &ClosestPair) -> Option<SegmentContact> {
-        let distance = closest.distance;
-        (distance > OVERLAP && !self.belongs_to_neighbours(closest, 0.0)).then(|| self.contact(closest))
+        (closest.distance > OVERLAP && !self.belongs_to_neighbours(closest, 0.0))
+            .then(|| self.contact(closest))
     }
 
     /// Whether one of the closest points of a pair at time `t`, a fraction of the sub-step, is at a vertex and belongs to

@@ -1,6 +1,6 @@
 use super::impact::NEIGHBOUR_SHARE;
 use super::*;
-use crate::contact::ccd::TOLERANCE;
+use crate::contact::ccd::{OVERLAP, TOLERANCE};
 use crate::geometry::segment_segment;
 use crate::math::random::Random;
 use nalgebra::Vector3;
@@ -85,7 +85,7 @@ fn impacts_agree_with_sampled_distances() {
             let least = samples.iter().map(|(_, c)| c.distance).fold(f64::INFINITY, f64::min);
             assert!(least >= strands.distance_lower_bound(&closest));
             let around = strands.distance_around(&closest);
-            let scale = clearance.min(around);
+            let scale = clearance.min(around).max(OVERLAP);
             let beside = strands.belongs_to_neighbours(&closest, 0.0);
             let of_distance = if beside { NEIGHBOUR_SHARE } else { TOUCHING_SHARE };
             let share = if around > clearance { 1.0 } else { of_distance };

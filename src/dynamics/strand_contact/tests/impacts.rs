@@ -198,7 +198,7 @@ fn a_loose_hair_slides_freely_along_itself_over_others() {
         hair.join_root(RootJoint::Free);
         let mut scene = Scene::new(vec![rail(0.051), rail(0.109), hair]);
         (scene.h, scene.friction, scene.drag) = (h, 0.0, vec![0.0; 3]);
-        // Until it moves at 0.2 m/s.
+        // Until it moves at 0.15 m/s.
         scene.field = &|t| V::new(if t < 0.02 { 9.6 } else { 0.0 }, -9.81, 0.0);
         let (mut pushed, mut start, mut end) = (0, 0.0, 0.0);
         scene.run(0.14, |t, m| {
