@@ -6,6 +6,7 @@ use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use super::job::Job;
 use super::work_dir::RunCheckpoint;
+use crate::contact::friction::Interrupt;
 use crate::dynamics::checkpoint::Checkpoint;
 use crate::dynamics::simulation::Simulation;
 use crate::rod::pack::Pack;
@@ -94,6 +95,8 @@ impl<'a> FrameStepper<'a> {
 struct Run<'a> {
     job: &'a Job,
     control: &'a Control,
+    /// Abandons a sub-step in which a stop is requested.
+    interrupt: Interrupt,
     stage: RangeInclusive<i32>,
     simulation: Simulation<'a>,
     /// The frame in progress.
@@ -122,7 +125,8 @@ impl<'a> Run<'a> {
             }
         }
         let saved = (simulation.taken(), Instant::now());
-        Ok(Run { job, control, stage, simulation, next, record, saved, unsynced: Vec::new() })
+        let interrupt = control.interrupt();
+        Ok(Run { job, control, interrupt, stage, simulation, next, record, saved, unsynced: Vec::new() })
     }
 
     /// Simulates to the next frame and returns the state there.
@@ -130,7 +134,10 @@ impl<'a> Run<'a> {
         let frame = self.next;
         while self.simulation.taken() < self.job.steps_to(frame) {
             self.poll_control()?;
-            self.record.add(self.simulation.step(), &self.job.groom.guides.curves.id);
+            // One that was abandoned left no trace, and the next poll stops the run.
+            if let Ok(step) = self.simulation.step_unless(&self.interrupt) {
+                self.record.add(step, &self.job.groom.guides.curves.id);
+            }
         }
         let (mut record, steps) = (std::mem::take(&mut self.record), self.simulation.take_path());
         record.frame = frame;

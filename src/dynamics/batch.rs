@@ -71,7 +71,8 @@ impl Batches {
     }
 
     /// Does for every active guide what [`GuideModel::step`] does, bit for bit, on all threads. `span` is the
-    /// start and end of the sub-step, s; `states` and `records` have an entry for each guide.
+    /// start and end of the sub-step, s; `states` and `records` have an entry for each guide. Once a coupled
+    /// sub-step is to be abandoned, the guides that are left stay where they are.
     pub fn step(
         &self,
         models: &[GuideModel],
@@ -88,6 +89,8 @@ impl Batches {
     fn split(&self, batches: &[Batch], step: &Step, states: &mut [GuideState], records: &mut [StepRecord]) {
         match batches {
             [] => {}
+            // Whoever takes a coupled sub-step restores all guides.
+            _ if step.mode == ContactMode::Coupled && step.env.interrupt.is_asked_for() => {}
             [batch] => {
                 // No other thread of a pool has this one's index, so the lock is free.
                 let scratch = &self.scratch[rayon::current_thread_index().unwrap_or(0) % self.scratch.len()];

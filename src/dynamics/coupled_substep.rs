@@ -23,6 +23,10 @@ pub(super) struct CoupledSubstep<'a> {
     pub path: Option<&'a mut Vec<SolverStep>>,
 }
 
+/// A sub-step was abandoned, and nothing of it is left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Interrupted;
+
 /// Guides and their contacts with each other at some time.
 struct Snapshot {
     /// The guides, ascending, with their states.
@@ -35,29 +39,42 @@ struct Snapshot {
 impl CoupledSubstep<'_> {
     /// Takes the sub-step over `span`, its start and end, s; `records` has an entry for each guide. Followers
     /// are not changed.
-    pub fn step(&mut self, span: [f64; 2], records: &mut [StepRecord]) {
+    ///
+    /// # Errors
+    /// [`Interrupted`] if the environment asked to abandon it; the guides are then at its start again, and their
+    /// records say nothing.
+    pub fn step(&mut self, span: [f64; 2], records: &mut [StepRecord]) -> Result<(), Interrupted> {
         let mut failures = vec![0; self.states.len()];
-        self.take_part(span, 0, records, &mut failures);
+        let start = self.snapshot();
+        self.take_part(&start, (span, 0), records, &mut failures);
+        // What ended early is of no use, wherever it was.
+        if self.env.interrupt.was_seen() {
+            self.restore(&start, |_| true);
+            return Err(Interrupted);
+        }
         for &g in self.strand_contacts.active() {
             self.states[g].stuck = failures[g] > records[g].halvings;
         }
+        Ok(())
     }
 
-    /// Takes a part of a sub-step that was halved `depth` times, for all guides whose motion is not given; divides
-    /// it for some of them if that may avoid a failure. Counts in `failures` the accepted parts in which each
-    /// guide fails. Returns the guides with a given motion that others pushed or crossed: if there are any, all of
-    /// them must take the part together.
+    /// Takes a part of a sub-step that was halved `depth` times, for all guides whose motion is not given and which are
+    /// as in `start`; divides it for some of them if that may avoid a failure. Counts in `failures` the accepted parts
+    /// in which each guide fails. Returns the guides with a given motion that others pushed or crossed: if there are
+    /// any, all of them must take the part together. Ends early once the sub-step is to be abandoned.
     fn take_part(
         &mut self,
-        span: [f64; 2],
-        depth: u32,
+        start: &Snapshot,
+        (span, depth): ([f64; 2], u32),
         records: &mut [StepRecord],
         failures: &mut [u32],
     ) -> Vec<usize> {
-        let start = self.snapshot();
         self.step_guides(span, records);
         let step = (span, depth < MAX_HALVINGS);
         self.strand_contacts.resolve(self.models, self.states, self.env, step, records);
+        if self.env.interrupt.was_seen() {
+            return Vec::new();
+        }
         let divides = |record: &StepRecord| match depth {
             0..MAX_HALVINGS => record.failed(),
             MAX_HALVINGS..MAX_HALVINGS_AT_CROSSINGS => record.crosses(),
@@ -66,7 +83,7 @@ impl CoupledSubstep<'_> {
         let failing: Vec<usize> =
             self.strand_contacts.free().filter(|&g| !self.states[g].stuck && divides(&records[g])).collect();
         if !failing.is_empty() {
-            return self.divide(span, depth, &start, failing, records, failures);
+            return self.divide(span, depth, start, failing, records, failures);
         }
         let touched = self.strand_contacts.touched_given(|_| true);
         if !touched.is_empty() {
@@ -80,7 +97,8 @@ impl CoupledSubstep<'_> {
     }
 
     /// Takes a part again in two halves, for the guides `failing`, those that they touch or nearly touch, and those
-    /// that they come to touch on the way; all others move as they have done. Returns as [`CoupledSubstep::take_part`].
+    /// that they come to touch on the way; all others move as they have done. Returns and ends as
+    /// [`CoupledSubstep::take_part`].
     fn divide(
         &mut self,
         span: [f64; 2],
@@ -102,14 +120,15 @@ impl CoupledSubstep<'_> {
         loop {
             let others = || start.guides.iter().map(|(g, _)| *g).filter(|g| group.binary_search(g).is_err());
             others().for_each(|g| self.strand_contacts.give(g, &motion));
-            self.restore(start, &group);
+            self.restore(start, |g| group.binary_search(&g).is_ok());
             let middle = 0.5 * (span[0] + span[1]);
             let mut counts = failures.to_vec();
             let mut touched = Vec::new();
             let halves = [[span[0], middle], [middle, span[1]]].map(|span| {
                 let mut records = vec![StepRecord::default(); records.len()];
                 if touched.is_empty() {
-                    touched = self.take_part(span, depth + 1, &mut records, &mut counts);
+                    let start = self.snapshot();
+                    touched = self.take_part(&start, (span, depth + 1), &mut records, &mut counts);
                 }
                 records
             });
@@ -151,7 +170,8 @@ impl CoupledSubstep<'_> {
         let mut is_free = vec![false; models.len()];
         self.strand_contacts.free().for_each(|g| is_free[g] = true);
         let all = self.states.par_iter_mut().zip(models).zip(records).zip(is_free);
-        all.filter(|(_, is_free)| *is_free).for_each_init(
+        let goes_on = |is_free: bool| is_free && !env.interrupt.is_asked_for();
+        all.filter(|(_, is_free)| goes_on(*is_free)).for_each_init(
             GuideScratch::default,
             |scratch, (((state, model), record), _)| {
                 *record = model.step(env, state, span, mode, scratch);
@@ -182,14 +202,14 @@ impl CoupledSubstep<'_> {
         Snapshot { guides, strand_contacts: self.strand_contacts.state(), path }
     }
 
-    /// Restores the guides of `group`, all contacts between guides, and the path.
-    fn restore(&mut self, start: &Snapshot, group: &[usize]) {
+    /// Restores the guides of `start` for which `chosen` holds, all contacts between guides, and the path.
+    fn restore(&mut self, start: &Snapshot, chosen: impl Fn(usize) -> bool) {
         if let Some(path) = &mut self.path {
             path.truncate(start.path);
         }
         let restored = self.strand_contacts.restore(start.strand_contacts.clone());
-        let of_group = start.guides.iter().filter(|(g, _)| group.binary_search(g).is_ok());
-        let restored = of_group.fold(restored, |restored, (g, state)| {
+        let chosen = start.guides.iter().filter(|(g, _)| chosen(*g));
+        let restored = chosen.fold(restored, |restored, (g, state)| {
             restored.and_then(|()| self.states[*g].restore(state.clone()))
         });
         debug_assert!(restored.is_ok(), "a state fits the simulation that it was taken from");

@@ -1,6 +1,7 @@
 //! What acts on the guides: motion of the head and the bodies, gravity, wind.
 
 use crate::contact::Bodies;
+use crate::contact::friction::Interrupt;
 use crate::math::se3::Pose;
 use crate::scene::RootBinding;
 use crate::scene::anim::{GRAVITY, Wind};
@@ -33,6 +34,8 @@ pub struct Environment<'a> {
     pub carrier: PoseOf<'a>,
     /// Progress (0..=1) of pushing points that start inside a body out of it.
     pub push_out: OfTime<'a, f64>,
+    /// Whether the sub-step is to be abandoned; only coupled ones are.
+    pub interrupt: Interrupt,
 }
 
 /// Bodies, of which skins are at rest.
@@ -64,6 +67,7 @@ impl<'a> Environment<'a> {
             body: Box::new(|_, _| Isometry3::identity()),
             carrier: Box::new(|_, _| Isometry3::identity()),
             push_out: Box::new(|_| 1.0),
+            interrupt: Interrupt::default(),
         }
     }
 

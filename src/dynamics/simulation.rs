@@ -15,6 +15,7 @@ use super::step_record::{HairRecord, StepRecord};
 use super::strand_contact::{BundleProperties, RECOVERY_SPEED, StrandContacts};
 use super::wisp_friction::CarrierVelocity;
 use super::wisps::{AdaptiveTree, WispChanges};
+use crate::contact::friction::Interrupt;
 use crate::contact::{Bodies, Body};
 use crate::rod::Rod;
 use crate::scene::anim::{ContactSetting, Resolution};
@@ -24,6 +25,8 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+
+pub use super::coupled_substep::Interrupted;
 
 /// The guides of a groom in motion.
 pub struct Simulation<'a> {
@@ -96,7 +99,15 @@ fn leader(wisps: &Option<AdaptiveTree>, i: usize) -> usize {
 }
 
 /// Takes one sub-step of all guides; returns what it did.
-pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &'s SubstepRecord {
+///
+/// # Errors
+/// [`Interrupted`] if the environment asks to abandon it, which only a coupled sub-step does; all that a checkpoint
+/// holds is then as it was.
+pub fn step<'s>(
+    model: &Model,
+    env: &mut Environment,
+    state: &'s mut State,
+) -> Result<&'s SubstepRecord, Interrupted> {
     for i in 0..state.guides.len() {
         state.record.active[i] = state.is_active(model, i);
     }
@@ -118,7 +129,7 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
         let active = |i: usize| state.record.active[i];
         state.record.hair = volume.apply(&model.guides, &mut state.guides, active, env, step);
     }
-    advance(model, env, state, span);
+    advance(model, env, state, span)?;
     if let Some(volume) = &mut state.hair_volume {
         state.record.hair.work = volume.add_work(&state.guides, env, span[1]);
     }
@@ -136,7 +147,7 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     adapt(model, env, state);
     let active = (0..state.guides.len()).filter(|&i| state.is_active(model, i));
     state.record.active_nodes = active.map(|i| model.guides[i].rod.unknowns() as u32 / 3).sum();
-    &state.record
+    Ok(&state.record)
 }
 
 /// Adds the end of a sub-step, after `taken` of them, to the unknowns of a guide half-way through its frame.
@@ -147,7 +158,7 @@ fn record_midway(model: &Model, rod: &Rod, guide: &mut GuideState, taken: i64) {
 }
 
 /// Advances the active guides over `span`, s.
-fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) {
+fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) -> Result<(), Interrupted> {
     let writes = model.writes_steps(state.taken);
     let State { guides, strand_contacts, batches, path, record, .. } = state;
     let records = &mut record.guides[..];
@@ -159,10 +170,11 @@ fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) 
             if let Some(path) = path {
                 path.push(SolverStep::new(span[1], &model.guides, guides));
             }
+            Ok(())
         }
         Some(strand_contacts) => {
             let (models, states) = (&model.guides[..], &mut guides[..]);
-            CoupledSubstep { models, states, strand_contacts, batches, env, path }.step(span, records);
+            CoupledSubstep { models, states, strand_contacts, batches, env, path }.step(span, records)
         }
     }
 }
@@ -309,8 +321,19 @@ impl<'a> Simulation<'a> {
         Simulation { model, env, state }
     }
 
-    /// Takes one sub-step; returns what it did.
+    /// Takes one sub-step, which nothing interrupts; returns what it did.
     pub fn step(&mut self) -> &SubstepRecord {
+        // Without an interrupt there is no error.
+        let _ = self.step_unless(&Interrupt::default());
+        &self.state.record
+    }
+
+    /// Takes one sub-step, unless `interrupt` is asked for; returns what it did.
+    ///
+    /// # Errors
+    /// Those of [`step`].
+    pub fn step_unless(&mut self, interrupt: &Interrupt) -> Result<&SubstepRecord, Interrupted> {
+        self.env.interrupt = interrupt.clone();
         step(&self.model, &mut self.env, &mut self.state)
     }
 
@@ -389,6 +412,7 @@ fn environment<'a>(model: &Model<'a>) -> Environment<'a> {
         skin: Box::new(|root, t| anim.carried(root, t)),
         gravity: Box::new(|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>()),
         wind: &anim.wind,
+        interrupt: Interrupt::default(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! A simulation that is stopped between any two sub-steps and taken up by another process goes on as if
 //! nothing had been.
 
+use hairbake::contact::friction::Interrupt;
 use hairbake::dynamics::checkpoint::Checkpoint;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
@@ -11,6 +12,7 @@ use hairbake::scene::anim::{
 use hairbake::scene::{self, Anim, Groom};
 use serde_json::json;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A small head of short hair that is shaken, with a suit that breathes if `deforms`. With strands enough to
 /// meet as a volume.
@@ -225,4 +227,36 @@ fn a_state_of_another_scene_is_refused() {
     other.guides.pop();
     let error = simulation.restore(other).unwrap_err().to_string();
     assert!(error.contains("23 parts where the scene has 24"), "{error}");
+}
+
+#[test]
+fn an_abandoned_sub_step_leaves_no_trace() {
+    let folder = tempfile::tempdir().unwrap();
+    let (groom, anim) = scene(folder.path(), ContactSetting::Full, false);
+    let rods = GuideRods::new(&groom, &anim);
+    let [mut whole, mut abandoned] = [(); 2].map(|()| Simulation::new(&groom, &anim, &rods));
+    let mut most = 0;
+    while whole.taken() < 40 {
+        if whole.taken() >= 36 {
+            let before = bytes(&abandoned);
+            // The question is asked in the middle of rounds and parts, which end then.
+            let mut asked = 0;
+            while abandoned.step_unless(&asked_for_at(asked)).is_err() {
+                assert!(bytes(&abandoned) == before, "abandoned at question {asked}");
+                asked = 2 * asked + 1;
+            }
+            most = most.max(asked);
+        } else {
+            abandoned.step();
+        }
+        whole.step();
+        assert!(bytes(&abandoned) == bytes(&whole), "after {}", whole.taken());
+    }
+    assert!(most > 30, "no more than {most} questions");
+}
+
+/// An interrupt that is asked for when the question has been put a number of times.
+fn asked_for_at(asked: usize) -> Interrupt {
+    let questions = AtomicUsize::new(0);
+    Interrupt::new(move || questions.fetch_add(1, Ordering::Relaxed) == asked)
 }

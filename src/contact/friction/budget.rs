@@ -1,5 +1,7 @@
 //! Limit on the systems of Newton's method that a strand may have solved in one sub-step.
 
+use super::interrupt::Interrupt;
+
 /// Systems of one sub-step, over all its parts and rounds. A system of 64 contacts takes some 0.2 ms.
 const SYSTEMS_PER_SUBSTEP: u32 = 4000;
 
@@ -8,15 +10,21 @@ const SYSTEMS_PER_SUBSTEP: u32 = 4000;
 #[derive(Debug)]
 pub struct SystemBudget {
     left: u32,
+    interrupt: Interrupt,
 }
 
 impl Default for SystemBudget {
     fn default() -> Self {
-        Self { left: SYSTEMS_PER_SUBSTEP }
+        SystemBudget::new(Interrupt::default())
     }
 }
 
 impl SystemBudget {
+    /// The budget of a sub-step; nothing of it is left once `interrupt` is asked for.
+    pub fn new(interrupt: Interrupt) -> Self {
+        SystemBudget { left: SYSTEMS_PER_SUBSTEP, interrupt }
+    }
+
     /// True if no system may be solved any more.
     pub fn is_exhausted(&self) -> bool {
         self.left == 0
@@ -24,6 +32,9 @@ impl SystemBudget {
 
     /// Takes one system, if one is left.
     pub(super) fn take(&mut self) -> bool {
+        if self.interrupt.is_asked_for() {
+            self.left = 0;
+        }
         let may = self.left > 0;
         self.left -= u32::from(may);
         may

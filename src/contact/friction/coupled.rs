@@ -6,6 +6,7 @@
 use super::budget::SystemBudget;
 use super::coupled_problem::CoupledFrictionProblem;
 use super::gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance, System, solve_by_sweeps};
+use super::interrupt::Interrupt;
 use super::newton;
 use super::problem::{FrictionProblem, at};
 use super::regularised::COMPLIANCE;
@@ -28,23 +29,26 @@ const SELECTED: usize = 60;
 /// Solves for the impulses `r` (3c), starting from their values, and leaves Y r in `w`.
 ///
 /// The error left by sweeps is concentrated in a few contacts, wedged between strands. Newton's method solves
-/// for them separately, and sweeps continue from there, as long as the residual decreases.
+/// for them separately, and sweeps continue from there, as long as the residual decreases. Both end early
+/// once `interrupt` is asked for, and the impulses are then of no use.
 pub fn solve_coupled(
     problem: &CoupledFrictionProblem,
     tolerance: FrictionTolerance,
     r: &mut [f64],
     w: &mut [f64],
     scratch: &mut FrictionScratch,
+    interrupt: &Interrupt,
 ) -> FrictionOutcome {
     let diagonal = (0..r.len() / 3).into_par_iter().map(|i| problem.block(i, i)).collect();
     let mut network = Network { problem, diagonal, r, w };
     let mut outcome = Arch::new().dispatch(Sweeps { network: &mut network, tolerance, scratch });
     for _ in 0..NEWTON_SOLVES {
-        if outcome.residual <= tolerance.residual || !tolerance.continuation {
+        let solved = outcome.residual <= tolerance.residual;
+        if solved || !tolerance.continuation || interrupt.is_asked_for() {
             break;
         }
         let before = network.r.to_vec();
-        network.solve_worst(tolerance);
+        network.solve_worst(tolerance, interrupt);
         let FrictionOutcome { sweeps, residual } =
             Arch::new().dispatch(Sweeps { network: &mut network, tolerance, scratch });
         outcome.sweeps += sweeps;
@@ -87,7 +91,7 @@ struct Network<'a> {
 impl Network<'_> {
     /// Solves by Newton's method for the contacts with the largest errors and their neighbours, with all
     /// other impulses fixed.
-    fn solve_worst(&mut self, tolerance: FrictionTolerance) {
+    fn solve_worst(&mut self, tolerance: FrictionTolerance, interrupt: &Interrupt) {
         let selected = self.worst();
         let mut impulses: Vec<f64> =
             selected.iter().flat_map(|&i| <[f64; 3]>::from(self.impulse(i))).collect();
@@ -95,7 +99,8 @@ impl Network<'_> {
         let (w, b) = self.assemble(&selected);
         let problem = FrictionProblem { w: &w, b: &b, friction: &friction };
         if problem.residual(&impulses) > COMPLIANCE {
-            newton::improve(&problem, tolerance, &mut impulses, &mut SystemBudget::default());
+            let mut budget = SystemBudget::new(interrupt.clone());
+            newton::improve(&problem, tolerance, &mut impulses, &mut budget);
             for (&i, impulse) in selected.iter().zip(impulses.chunks_exact(3)) {
                 self.set_impulse(i, Vector3::from_column_slice(impulse));
             }

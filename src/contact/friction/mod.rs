@@ -26,6 +26,7 @@ mod coupled;
 mod coupled_problem;
 mod dense;
 mod gauss_seidel;
+mod interrupt;
 mod local;
 mod newton;
 mod problem;
@@ -39,6 +40,7 @@ pub use coupled::solve_coupled;
 pub use coupled_problem::{CoupledFrictionProblem, ROW_WIDTH, StrandRows};
 pub use dense::solve;
 pub use gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance};
+pub use interrupt::Interrupt;
 pub use local::solve_local;
 pub use problem::FrictionProblem;
 

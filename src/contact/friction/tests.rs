@@ -330,6 +330,7 @@ fn coupled_solutions_obey_the_law_of_the_assembled_problem() {
         &mut r,
         &mut moved,
         &mut FrictionScratch::default(),
+        &Interrupt::default(),
     );
     let problem = FrictionProblem { w: &w, b: &b, friction: &all(&mu) };
     assert!(outcome.residual <= 1e-11 && outcome.sweeps > 1, "{outcome:?}");
@@ -447,8 +448,14 @@ fn wedged_contacts_that_sweeps_do_not_solve_converge() {
             let problem = CoupledFrictionProblem { strands: &sides, rows: &rows, b: &b, friction: &friction };
             let (mut r, mut moved) = (vec![0.0; 3 * contacts], vec![0.0; n]);
             let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 200, continuation: true };
-            let outcome =
-                solve_coupled(&problem, tolerance, &mut r, &mut moved, &mut FrictionScratch::default());
+            let outcome = solve_coupled(
+                &problem,
+                tolerance,
+                &mut r,
+                &mut moved,
+                &mut FrictionScratch::default(),
+                &Interrupt::default(),
+            );
             assert!(outcome.residual <= 1e-6, "{contacts} contacts, case {case}: {outcome:?}");
             needed_newton += u32::from(outcome.sweeps > tolerance.sweeps);
         }

@@ -3,7 +3,7 @@
 use super::model::{ContactMode, GuideModel};
 use super::scratch::{FreeSolve, GuideScratch};
 use super::state::GuideState;
-use crate::contact::friction::SystemBudget;
+use crate::contact::friction::{Interrupt, SystemBudget};
 use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::{DifferenceFormula, MAX_BEND};
@@ -54,9 +54,10 @@ impl GuideModel {
         state.begin_substep();
         self.release_ties(env, state, span[0], &mut scratch.inputs.polyline);
         state.pinched |= self.is_swallowed(env, state, span[1]);
-        *scratch.contact.budget() = SystemBudget::default();
-        let mut record = StepRecord::default();
         let coupled = mode == ContactMode::Coupled;
+        let interrupt = if coupled { env.interrupt.clone() } else { Interrupt::default() };
+        *scratch.contact.budget() = SystemBudget::new(interrupt);
+        let mut record = StepRecord::default();
         let depth = if coupled { MAX_HALVINGS } else { 0 };
         self.step_part(free, env, state, span, (mode, depth), scratch, &mut record);
         if !coupled {

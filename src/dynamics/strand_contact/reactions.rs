@@ -5,7 +5,7 @@ use super::coupled_guide::{CoupledGuide, RESIDUAL_TOLERANCE};
 use super::island::Island;
 use crate::contact::FrictionTolerance;
 use crate::contact::friction::{
-    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, ROW_WIDTH, StrandRows, solve_coupled,
+    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, Interrupt, ROW_WIDTH, StrandRows, solve_coupled,
 };
 use crate::dynamics::guide::GuideModel;
 use crate::geometry::Friction;
@@ -52,7 +52,7 @@ struct System {
 
 impl Reactions {
     /// Solves for the reactions of all contacts of an island, with the linearised systems of its guides; those of the
-    /// `last` round are no longer on the way.
+    /// `last` round are no longer on the way. They are of no use once `interrupt` is asked for.
     pub fn solve(
         island: &Island,
         models: &[GuideModel],
@@ -60,6 +60,7 @@ impl Reactions {
         pairs: &ContactPairs,
         to_world: &UnitQuaternion<f64>,
         last: bool,
+        interrupt: &Interrupt,
     ) -> Self {
         let mut system = System::default();
         let strands = system.add_guides(island, models, guides, pairs);
@@ -81,6 +82,7 @@ impl Reactions {
             &mut forces,
             &mut padded_pushes,
             &mut FrictionScratch::default(),
+            interrupt,
         );
         let mut pushes = Vec::with_capacity(unknowns);
         let (mut pushes_left, mut forces_left) = (&padded_pushes[..], &mut forces[..]);

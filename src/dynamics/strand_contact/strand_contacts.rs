@@ -105,7 +105,8 @@ impl StrandContacts {
     }
 
     /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each free guide has just taken
-    /// uncoupled. If the caller `may_divide` it for guides that fail, these are left as they are.
+    /// uncoupled. If the caller `may_divide` it for guides that fail, these are left as they are. Ends early, wherever
+    /// the guides are then, once the sub-step is to be abandoned.
     pub fn resolve(
         &mut self,
         models: &[GuideModel],
@@ -124,6 +125,9 @@ impl StrandContacts {
             guide.begin(record.unconverged == 0 && given.is_none());
         }
         for round in 1..=MAX_ROUNDS {
+            if env.interrupt.is_asked_for() {
+                return;
+            }
             let mut islands = self.couple_islands(models, states, env, t);
             islands.retain(|island| island.guides.iter().any(|&g| self.guides[g].needs_round));
             if islands.is_empty() {
@@ -216,7 +220,7 @@ impl StrandContacts {
             .for_each(|(guide, model, state)| guide.linearise(model, state, env, pairs, to_world));
         let reactions: Vec<_> = islands
             .par_iter()
-            .map(|island| Reactions::solve(island, models, guides, pairs, to_world, last))
+            .map(|island| Reactions::solve(island, models, guides, pairs, to_world, last, &env.interrupt))
             .collect();
         for (island, Reactions { pushes, forces, outcome, provisional }) in islands.iter().zip(&reactions) {
             let (mut pushes, mut forces) = (&pushes[..], &forces[..]);

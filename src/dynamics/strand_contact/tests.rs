@@ -147,7 +147,8 @@ impl Scene<'_> {
             path.drain(..path.len() - 1);
             let (batches, env) = (&batches, &env);
             CoupledSubstep { models, states, strand_contacts, batches, env, path: Some(&mut path) }
-                .step(t, records);
+                .step(t, records)
+                .unwrap();
             *x = path.iter().map(|step| local(models, step)).collect();
             place_between(x, &path);
             assert!(path.is_sorted_by(|a, b| a.time < b.time) && path.last().unwrap().time == t[1]);

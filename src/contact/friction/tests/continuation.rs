@@ -82,6 +82,8 @@ fn a_strand_takes_no_more_systems_than_its_sub_step_may() {
         assert!(scratch.budget.left() <= left);
     }
     assert!(scratch.budget.is_exhausted() && improved > 0);
+    scratch.budget = SystemBudget::new(Interrupt::new(|| true));
+    assert!((0..10).all(|_| !solve_wedged(&mut scratch)));
     scratch.budget = SystemBudget::default();
     assert!((0..10).any(|_| solve_wedged(&mut scratch)));
 }
