@@ -32,7 +32,7 @@ pub struct GrowArguments {
     /// Units and up axis are those of the file; without them the unit is guessed from the size.
     #[arg(value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source)]
     mesh: Source,
-    /// Groom file to write; long arrays go to a .bin file next to it
+    /// Groom file to write; long arrays go to a .bin file next to it, which is named after it
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
     /// Name of the groom and of its group [default: name of the mesh file]

@@ -33,7 +33,7 @@ pub struct GroomArguments {
     /// guide, a name with "guide", or purpose proxy beside curves that are drawn; a .tfx file of up to 1000
     /// strands holds guides.
     strands: PathBuf,
-    /// Groom file to write; long arrays go to a .bin file next to it
+    /// Groom file to write; long arrays go to a .bin file next to it, which is named after it
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
     /// Name of the groom [default: name of the strand file]

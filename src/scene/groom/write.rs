@@ -11,9 +11,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use std::path::Path;
 
 impl Groom {
-    /// Writes the groom, in its own unit and axes, as JSON at `path`. Long arrays go to a binary file of the
-    /// same stem (`groom.json`, `groom.bin`): guides and wisps as f64, render strands as f32. Each file is
-    /// written whole or not at all.
+    /// Writes the groom, in its own unit and axes, as JSON at `path`. Long arrays go to a binary file that is named
+    /// after it (`groom.json`, `groom.bin`): guides and wisps as f64, render strands as f32. Each file is written whole
+    /// or not at all.
     ///
     /// # Errors
     /// [`crate::Error::Io`].

@@ -3,6 +3,7 @@
 use super::array::{Array, BufferFile, Element, ElementType, Scalar, View};
 use crate::error::Result;
 use crate::file::write_file;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 /// Collects the long arrays of a file in one buffer.
@@ -42,8 +43,8 @@ impl Packer {
         Array::View(view)
     }
 
-    /// Writes the buffer next to the JSON file `path`, under its name with the ending `.bin`, and returns its
-    /// description. Writes nothing if the buffer is empty.
+    /// Writes the buffer next to the JSON file `path`, as its [`buffer_name`], and returns its description. Writes
+    /// nothing if the buffer is empty.
     ///
     /// # Errors
     /// [`crate::Error::Io`].
@@ -51,8 +52,38 @@ impl Packer {
         if self.bytes.is_empty() {
             return Ok(Vec::new());
         }
-        let buffer = path.with_extension("bin");
-        let written = write_file(&buffer, &[self.bytes])?;
+        let written = write_file(&path.with_file_name(buffer_name(path)), &[self.bytes])?;
         Ok(vec![BufferFile { uri: written.file, bytes: written.bytes, sha256: Some(written.sha256) }])
+    }
+}
+
+/// Name of the buffer of the JSON file `path`: that of the file with `.bin` for its ending `.json`, and any other with
+/// `.buffer.bin` behind it. Files of different names have buffers of different names.
+fn buffer_name(path: &Path) -> OsString {
+    match path.extension() {
+        Some(ending) if ending == "json" => path.with_extension("bin").file_name().unwrap_or_default().into(),
+        _ => [path.file_name().unwrap_or_default(), OsStr::new(".buffer.bin")].into_iter().collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_that_differ_in_any_part_of_their_names_have_buffers_of_their_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = ["a.json", "a", "a.v1", "a.v2", "a.v1.json", "a.bin", "a.JSON"];
+        let write = |(i, name): (usize, &&str)| {
+            let mut packer = Packer::default();
+            packer.array(vec![i as f64; 65]);
+            packer.write(&folder.path().join(name)).unwrap().remove(0)
+        };
+        let buffers: Vec<BufferFile> = files.iter().enumerate().map(write).collect();
+        assert_eq!([&buffers[0], &buffers[2]].map(|b| &b.uri[..]), ["a.bin", "a.v1.buffer.bin"]);
+        for (i, buffer) in buffers.iter().enumerate() {
+            let bytes = std::fs::read(folder.path().join(&buffer.uri)).unwrap();
+            assert_eq!(bytes, vec![i as f64; 65].iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>());
+        }
     }
 }
