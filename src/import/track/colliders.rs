@@ -25,7 +25,8 @@ pub(super) struct Colliders {
     pub(super) skins: Vec<String>,
     /// Remarks on the meshes.
     pub(super) notes: Vec<String>,
-    names: Names,
+    /// Those of the colliders, after which their files are named.
+    pub(super) names: Names,
 }
 
 impl Colliders {

@@ -59,7 +59,7 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
     for (mesh, (file, read)) in options.colliders.iter().zip(meshes) {
         colliders.add(mesh, file, read, timing.first_mesh_frame(), options)?;
     }
-    let mut goals = Goals::default();
+    let mut goals = Goals::beside(&colliders);
     for (goal, read) in options.goals.iter().zip(goal_inputs) {
         goals.add(goal, read, timing, options)?;
     }
@@ -322,8 +322,11 @@ fn head(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::track::options::ColliderMesh;
-    use crate::scene::load_anim;
+    use crate::geometry::TriMesh;
+    use crate::import::formats::usd::goal::MovingCurves;
+    use crate::import::plain::Declared;
+    use crate::scene::anim::GoalSpace;
+    use crate::scene::{Convention, load_anim};
 
     /// `n` samples at 48 per second of a head that moves 1 cm along x and turns 1.5° about y per sample,
     /// starting at 90°.
@@ -425,6 +428,41 @@ mod tests {
         assert_eq!(anim.colliders[0].name, "mesh_7_head");
         let crate::geometry::Shape::Mesh(mesh) = &anim.colliders[0].shape else { panic!("not a mesh") };
         assert!((mesh.vertices[2].y - 0.3).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_mesh_that_is_named_as_the_file_of_a_goal_has_files_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("anim.json"));
+        let timing = Inputs::read(&options).unwrap().timing;
+        let vertices = vec![Vector3::zeros(), Vector3::x(), Vector3::y()];
+        let read = ImportedMesh {
+            mesh: TriMesh { vertices: vertices.clone(), triangles: vec![[0, 1, 2]] },
+            samples: vec![vertices.clone(); 5],
+            convention: Convention::default(),
+            notes: Vec::new(),
+        };
+        let shot = |prim: &str| Source { prim: Some(prim.into()), ..Source::new("shot.usda") };
+        let mesh = ColliderMesh::new(shot("/goal_tail"));
+        let mut colliders = Colliders::default();
+        colliders.add(&mesh, &mesh.source, &read, timing.first_mesh_frame(), &options).unwrap();
+        let curves = MovingCurves {
+            counts: vec![3],
+            ids: None,
+            samples: vec![vertices; 5],
+            span: vec![[f64::NEG_INFINITY, f64::INFINITY]],
+            rate: 24.0,
+            declared: Declared { metres_per_unit: Some(1.0), ..Declared::default() },
+            notes: Vec::new(),
+        };
+        let input = GoalInput::Stage { read: curves, rate: 24.0, codes_per_frame: 1.0 };
+        let goal = GoalCurvesSource::new(shot("/tail"), GoalSpace::World);
+        let mut goals = Goals::beside(&colliders);
+        goals.add(&goal, input, &timing, &options).unwrap();
+        assert_eq!((mesh.name.as_str(), goals.goals[0].name.as_str()), ("goal_tail", "tail"));
+        assert_eq!(goals.goals[0].sequence, "anim.goal_tail_2.####.obj");
+        let files = colliders.files.iter().chain(&goals.files).map(|(path, _)| path);
+        assert_eq!(files.collect::<std::collections::BTreeSet<_>>().len(), 1 + 5 + 5);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Goals of an animation: curves that guides are pulled to.
 
 use super::OBJ_DIGITS;
+use super::colliders::Colliders;
 use super::names::Names;
 use super::options::{GoalCurvesSource, TrackGroom, TrackOptions};
 use super::timing::Timing;
@@ -31,6 +32,8 @@ pub(super) struct Goals {
     /// What the artist should check in them.
     pub(super) warnings: Vec<String>,
     names: Names,
+    /// What files beside the animation are named after.
+    file_names: Names,
 }
 
 /// The curves of a goal as they are in its file.
@@ -77,6 +80,11 @@ impl GoalInput {
 }
 
 impl Goals {
+    /// No goals yet; their files are named otherwise than those of `colliders`.
+    pub(super) fn beside(colliders: &Colliders) -> Self {
+        Goals { file_names: colliders.names.clone(), ..Goals::default() }
+    }
+
     /// Adds a goal. `read` are its curves, `timing` that of the bake.
     ///
     /// # Errors
@@ -134,7 +142,8 @@ impl Goals {
                 self.warnings.extend(warning.map(|what| format!("goal {}: {what}", goal.name)));
                 notes.extend(matched.note());
                 goal.ids = matched.ids.clone().map(Into::into);
-                goal.sequence = options.name_beside(&format!("goal_{}.####.obj", goal.name));
+                let file_name = self.file_names.unique(&format!("goal_{}", goal.name));
+                goal.sequence = options.name_beside(&format!("{file_name}.####.obj"));
                 self.write(&goal.sequence, &read, &matched, &of_file, first_sample, options.folder());
             }
         }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 /// Names that are taken.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Names(BTreeSet<String>);
 
 impl Names {
