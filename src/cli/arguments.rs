@@ -1,6 +1,7 @@
 //! The commands and the general options.
 
 use super::bake::BakeArguments;
+use super::check::CheckArguments;
 use super::console::LogFormat;
 use super::estimate::EstimateArguments;
 use super::grow::GrowArguments;
@@ -10,12 +11,12 @@ use super::preview::PreviewArguments;
 use super::progress::ProgressStyle;
 use super::read::ReadArguments;
 use super::sample::SampleArguments;
+use super::schema::SchemaFormat;
 use super::stages::{AssembleArguments, InterpolateArguments, SimulateArguments};
 use super::status::StatusArguments;
 use super::validate::ValidateArguments;
 use super::view::ViewArguments;
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use clap::{Args, Parser, Subcommand};
 
 /// Bake hair: turn a groom and a moving head into a USD curve cache
 ///
@@ -70,11 +71,7 @@ pub enum Command {
     /// Grow fur on a mesh and write it as groom.json
     Grow(Box<GrowArguments>),
     /// Report every error in groom.json and anim.json files
-    Check {
-        /// The files, grooms and animations in any order
-        #[arg(required = true, value_name = "FILE")]
-        files: Vec<PathBuf>,
-    },
+    Check(Box<CheckArguments>),
     /// Print the JSON Schema of groom.json or anim.json
     Schema {
         /// The file format
@@ -112,15 +109,6 @@ pub enum Command {
         /// Command to print the page of, such as import groom [default: the program]
         command: Vec<String>,
     },
-}
-
-/// The file formats that have a schema.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum SchemaFormat {
-    /// groom.json
-    Groom,
-    /// anim.json
-    Anim,
 }
 
 fn threads(text: &str) -> Result<usize, String> {

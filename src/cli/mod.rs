@@ -25,6 +25,8 @@ mod read;
 mod run_arguments;
 mod sample;
 mod scene_arguments;
+mod scene_changes;
+mod schema;
 mod settings;
 mod signals;
 mod stages;
@@ -75,8 +77,8 @@ fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
         Command::Sample(options) => sample::run(&options)?,
         Command::Import { what } => import::run(what)?,
         Command::Grow(options) => grow::run(*options)?,
-        Command::Check { files } => check::check(&files)?,
-        Command::Schema { format } => check::schema(format)?,
+        Command::Check(options) => check::run(&options)?,
+        Command::Schema { format } => schema::schema(format)?,
         Command::Estimate(options) => estimate::run(&options, &origins(), progress)?,
         Command::Bake(options) => bake::run(&options, &origins(), progress)?,
         Command::Preview(options) => preview::run(&options)?,

@@ -1,6 +1,6 @@
 //! When a stage saves and stops.
 
-use super::scene_arguments::FARM;
+use super::scene_changes::FARM;
 use super::{signals, values};
 use crate::bake::control::Control;
 use crate::error::Result;

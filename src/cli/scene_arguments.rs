@@ -1,25 +1,23 @@
 //! The scene of a bake: groom, animation, settings and output folder, the same for every stage.
 
-use super::settings::{Explained, SettingsArguments};
+use super::scene_changes::SceneChanges;
+use super::settings::Explained;
 use super::{console, summary, values};
 use crate::bake::base_cache::GroupSelection;
 use crate::bake::job::{Job, JobOptions};
 use crate::bake::over::{self, OverPlan, Undeformable};
 use crate::cache::{DEFORM, InputRecord, MANIFEST, OVER, SHOT};
 use crate::error::{Diagnostic, Error, Result};
-use crate::scene::anim::{OutputCurves, Resolution};
-use crate::scene::{Anim, Groom, LoadOptions, OverSource, Override, PathMap, SourceCurves};
+use crate::scene::anim::OutputCurves;
+use crate::scene::{Anim, Groom, LoadOptions, OverSource, Override, SourceCurves};
 use crate::{bake, import, scene};
 use clap::Args;
-use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::path::{Path, PathBuf};
 
 /// Heading of the options that select a part of the shot.
 pub const SELECTION: &str = "Selection";
 /// Heading of the options on what a command writes.
 pub const OUTPUT: &str = "Output";
-/// Heading of the options for render farms.
-pub const FARM: &str = "Render farm";
 
 /// The scene as it is typed. All stages of a bake need the same one.
 #[derive(Debug, Args)]
@@ -62,35 +60,7 @@ pub struct SceneArguments {
     #[arg(long, conflicts_with = "over", help_heading = OUTPUT)]
     no_over: bool,
     #[command(flatten)]
-    settings: SettingsArguments,
-    #[command(flatten)]
-    paths: PathMapArguments,
-}
-
-/// Where files are that have other paths on the machine that made the scene.
-#[derive(Debug, Args)]
-struct PathMapArguments {
-    /// Replace the start FROM of paths by TO; may be repeated
-    ///
-    /// Applies to the command line and to the names of files inside the input files. FROM matches whole
-    /// names: /show does not match /shows.
-    #[arg(long, value_name = "FROM=TO", value_parser = values::path_rule, help_heading = FARM)]
-    path_map: Vec<(String, String)>,
-    /// Read path map rules from a JSON file in the format of OpenJD
-    #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from),
-        env = "HAIRBAKE_PATH_MAP_FILE", help_heading = FARM)]
-    path_map_file: Option<PathBuf>,
-}
-
-impl PathMapArguments {
-    fn read(&self) -> Result<PathMap> {
-        let mut map = PathMap(self.path_map.clone());
-        // An empty variable names no file.
-        if let Some(file) = self.path_map_file.as_ref().filter(|file| !file.as_os_str().is_empty()) {
-            map.0.extend(PathMap::read(file)?.0);
-        }
-        Ok(map)
-    }
+    changes: SceneChanges,
 }
 
 impl SceneArguments {
@@ -101,7 +71,8 @@ impl SceneArguments {
     /// [`Error::BadInput`], [`Error::Io`]; [`Error::Config`] for a path map that cannot be read;
     /// [`Error::Usage`] for settings that contradict each other.
     pub fn load(&self, shot: Option<(i32, i32)>) -> Result<Scene> {
-        let paths = self.paths.read()?;
+        let options = self.changes.load_options()?;
+        let paths = &options.path_map;
         let [groom_file, anim_file, out] =
             [&self.groom, &self.anim, &self.output].map(|path| paths.map_path(path));
         let base = self.base.as_ref().map(|base| paths.map_path(base));
@@ -112,16 +83,9 @@ impl SceneArguments {
         let only = base.map(|base| GroupSelection { groups: self.groups.clone(), base });
         let over =
             self.over.as_ref().map(|over| OverSource { file: paths.map_path(&over.file), ..over.clone() });
-        let options = LoadOptions { overrides: self.settings.overrides_for_reading(), path_map: paths };
-        let set = self.settings.overrides().to_vec();
-        let (groom, mut anim) = scene::load_with(&groom_file, &anim_file, &options)?;
-        let all_frames = anim.frames;
-        if let Some(frames) = shot {
-            check_frames(&anim_file, frames, anim.frames)?;
-            anim.frames = frames;
-        }
-        self.settings.apply(&mut anim.settings);
-        check_resolution(&anim_file, &anim)?;
+        let set = self.changes.settings.overrides().to_vec();
+        let (groom, mut anim) =
+            self.changes.load([&groom_file, &anim_file], &options, shot, only.is_some())?;
         let over = match (over, anim.over.take()) {
             (None, _) if self.no_over => None,
             (None, Some(_)) if !over::moves_all(&anim.settings) => {
@@ -149,7 +113,7 @@ impl SceneArguments {
             let message = "--over is a layer that the bake writes to --output; name the stage below it";
             return Err(Error::Usage(message.into()));
         }
-        let over = match over.map(|over| over_plan(&over, &groom, &anim, all_frames, &out)).transpose()? {
+        let over = match over.map(|over| over_plan(&over, &groom, &anim, &out)).transpose()? {
             Some(Ok(plan)) => Some(plan),
             Some(Err(undeformable)) if self.over.is_some() => return Err(Error::BadInput(undeformable)),
             Some(Err(undeformable)) => {
@@ -161,9 +125,7 @@ impl SceneArguments {
             None => None,
         };
         let overwrite = self.overwrite;
-        let scene = Scene { groom, anim, groom_file, anim_file, options, set, only, over, out, overwrite };
-        scene.check_curves()?;
-        Ok(scene)
+        Ok(Scene { groom, anim, groom_file, anim_file, options, set, only, over, out, overwrite })
     }
 
     /// Starts or resumes the bake of the frames `shot`, or of all frames. Calls `check` before anything is
@@ -202,7 +164,7 @@ impl SceneArguments {
             let names = [Some(key), scene::former_name("settings", key)];
             names.into_iter().flatten().any(|name| file["settings"].get(name).is_some())
         };
-        let mut rows = self.settings.explained(&scene.anim, &name, in_file);
+        let mut rows = self.changes.settings.explained(&scene.anim, &name, in_file);
         if let Some(only) = &scene.only {
             for (name, value) in
                 [("groups", only.groups.join(", ")), ("base", only.base.display().to_string())]
@@ -226,7 +188,7 @@ impl SceneArguments {
     /// # Errors
     /// [`Error::Io`] without a current folder; [`Error::Usage`] for a path that is not Unicode.
     pub fn to_words(&self) -> Result<Vec<String>> {
-        let mut words = self.settings.to_words();
+        let mut words = self.changes.settings.to_words();
         if self.overwrite {
             words.push("--overwrite".into());
         }
@@ -241,7 +203,7 @@ impl SceneArguments {
         if self.no_over {
             words.push("--no-over".into());
         }
-        for (from, to) in &self.paths.path_map {
+        for (from, to) in &self.changes.paths.path_map {
             words.extend(["--path-map".into(), format!("{from}={to}")]);
         }
         Ok(words)
@@ -299,22 +261,6 @@ impl Scene {
         let options = JobOptions { set: &set, only: only.as_ref(), over, overwrite };
         make(groom, anim, inputs, options, out)
     }
-
-    /// Checks that the curves to write exist.
-    fn check_curves(&self) -> Result<()> {
-        let settings = &self.anim.settings;
-        if settings.curves == OutputCurves::Strands && self.groom.strands.curves.is_empty() {
-            let message = "the groom has no render strands to write; use --curves guides";
-            return Err(Error::Usage(message.into()));
-        }
-        let frames_only =
-            settings.samples > 1 || self.anim.resolution() != Resolution::Full || self.only.is_some();
-        if settings.curves == OutputCurves::Steps && frames_only {
-            let message = "--curves steps needs --resolution full and --samples 1, and excludes --base";
-            return Err(Error::Usage(message.into()));
-        }
-        Ok(())
-    }
 }
 
 /// A path that names the same file in any folder.
@@ -327,7 +273,7 @@ fn absolute(path: &Path) -> Result<String> {
     text.ok_or_else(|| Error::Usage(format!("the path {} is not valid Unicode", path.display())))
 }
 
-/// What a bake of these frames into the folder `out` does to the curves of a stage.
+/// What a bake into the folder `out` does to the curves of a stage.
 ///
 /// # Errors
 /// As [`import::over_target`] and [`OverPlan::new`]; the help of each tells how to do without.
@@ -336,14 +282,13 @@ fn over_plan(
     over: &OverSource,
     groom: &Groom,
     anim: &Anim,
-    frames: (i32, i32),
     out: &Path,
 ) -> Result<std::result::Result<OverPlan, Undeformable>> {
     let shown = out.join(SHOT);
     let time = groom.source.as_ref().and_then(|source| source.origin.time);
     let offsets: Vec<f64> = anim.settings.offsets().collect();
     let read = || {
-        let target = import::over_target(over, time, [frames.0 - 1, frames.1 + 1], &offsets)?;
+        let target = import::over_target(over, time, [anim.shot.0 - 1, anim.shot.1 + 1], &offsets)?;
         if target.layers.iter().any(|layer| crate::file::is_same(&layer.file, &shown)) {
             let message = format!(
                 "the stage that over mode moves curves of shows {SHOT}, which the bake writes; name the stage \
@@ -362,32 +307,4 @@ fn over_plan(
         Err(Error::BadInput(found)) => Err(Error::BadInput(with_help(found))),
         Err(error) => Err(error),
     }
-}
-
-/// Checks that `anim`, read from `file`, steps guides whose roots are pinned or free.
-///
-/// # Errors
-/// [`Error::BadInput`].
-pub fn check_resolution(file: &Path, anim: &Anim) -> Result<()> {
-    let resolution = anim.resolution();
-    if !anim.frees_roots() || resolution == Resolution::Full {
-        return Ok(());
-    }
-    let message = format!("is {}, and some roots are pinned or free", values::name(&resolution));
-    let help = "leave it out, or clamp all roots";
-    Err(Error::from(Diagnostic::new(file, "settings.resolution", message, "full, or auto", help)))
-}
-
-fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {
-    if first >= shot.0 && last <= shot.1 {
-        return Ok(());
-    }
-    Err(Error::BadInput(vec![Diagnostic {
-        file: file.into(),
-        span: None,
-        key: "frames".into(),
-        message: format!("--frames selects {first} to {last}"),
-        allowed: format!("{} to {}, the frames of the animation", shot.0, shot.1),
-        help: "select fewer frames, or extend \"frames\" in the file if its track covers more".into(),
-    }]))
 }

@@ -222,9 +222,17 @@ fn names(guides: &GuideSelection, groom: &Groom, guide: usize) -> bool {
 /// # Errors
 /// [`Error::Io`] if a file cannot be read.
 pub fn check(paths: &[&Path]) -> Result<Vec<Diagnostic>> {
+    check_with(paths, &LoadOptions::default())
+}
+
+/// As [`check`], with `options` applied to the files.
+///
+/// # Errors
+/// As [`check`], and [`Error::Usage`] if a file has no place for an override.
+pub fn check_with(paths: &[&Path], options: &LoadOptions) -> Result<Vec<Diagnostic>> {
     let (mut diagnostics, mut grooms, mut anims) = (Vec::new(), Vec::new(), Vec::new());
     for path in paths {
-        match Document::open(path).and_then(|doc| read_any(doc, path)) {
+        match Document::open(path).and_then(|doc| read_any(doc, path, options)) {
             Ok(Checked::Groom(groom)) => grooms.push((groom, *path)),
             Ok(Checked::Anim(anim)) => anims.push((anim, *path)),
             Err(Error::BadInput(found)) => diagnostics.extend(found),
@@ -247,10 +255,16 @@ enum Checked {
     Anim(Box<Anim>),
 }
 
-fn read_any(mut doc: Document, path: &Path) -> Result<Checked> {
+fn read_any(mut doc: Document, path: &Path, options: &LoadOptions) -> Result<Checked> {
     match doc.string("format") {
-        Some("hairbake-anim") => read_anim(doc).map(Box::new).map(Checked::Anim),
-        Some("hairbake-groom") => read_groom(doc, path).map(Box::new).map(Checked::Groom),
+        Some("hairbake-anim") => {
+            options.apply(Format::Anim, &mut doc)?;
+            read_anim(doc).map(Box::new).map(Checked::Anim)
+        }
+        Some("hairbake-groom") => {
+            options.apply(Format::Groom, &mut doc)?;
+            read_groom(doc, path).map(Box::new).map(Checked::Groom)
+        }
         other => {
             let message = match other {
                 Some(name) => format!("unknown format \"{name}\""),

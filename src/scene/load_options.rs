@@ -56,10 +56,19 @@ impl LoadOptions {
     /// As [`Document::open`], and [`Error::Usage`] if the file has no place for an override.
     pub(super) fn open(&self, format: Format, path: &Path) -> Result<Document> {
         let mut doc = Document::open(path)?;
+        self.apply(format, &mut doc)?;
+        Ok(doc)
+    }
+
+    /// Applies the options to a file of this format.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the file has no place for an override.
+    pub(super) fn apply(&self, format: Format, doc: &mut Document) -> Result<()> {
         let root = doc.value_mut();
         self.overrides.iter().filter(|o| o.format == format).try_for_each(|o| o.apply(root))?;
         self.map_file_names(root);
-        Ok(doc)
+        Ok(())
     }
 
     fn map_file_names(&self, root: &mut Value) {

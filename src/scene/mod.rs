@@ -33,7 +33,7 @@ pub use groom::{
 pub use input_files::input_files;
 pub use json::array::{Array, BufferFile, ElementType, View};
 pub(crate) use json::former_names::former_name;
-pub use load::{check, load, load_anim, load_groom, load_with, schema};
+pub use load::{check, check_with, load, load_anim, load_groom, load_with, schema};
 pub use load_options::{LoadOptions, Override, PathMap};
 pub use origin::{Origin, RestSpace};
 pub use over_target::{OverKind, OverNormals, OverPrim, OverSource, OverTarget, StageLayer, StageMetadata};

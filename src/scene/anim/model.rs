@@ -24,8 +24,10 @@ pub const MAX_FRAMES: i64 = 1_000_000;
 pub struct Anim {
     /// Frames per second of the bake.
     pub fps: f64,
-    /// First and last frame, inclusive.
+    /// First and last frame of the bake, inclusive.
     pub frames: (i32, i32),
+    /// The same of the shot: a bake may be of some of its frames.
+    pub shot: (i32, i32),
     /// Index into [`Anim::bodies`] of the body that carries the groom.
     pub head: usize,
     /// Rigid bodies; at least the head.

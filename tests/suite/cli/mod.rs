@@ -1,5 +1,6 @@
 //! The program as a black box: output, files and exit codes.
 
+mod check;
 mod free;
 mod groups;
 mod grow;

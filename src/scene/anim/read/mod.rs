@@ -105,6 +105,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     Some(Anim {
         fps: file.fps,
         frames,
+        shot: frames,
         head,
         bodies,
         colliders,

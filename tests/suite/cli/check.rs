@@ -1,0 +1,77 @@
+//! `hairbake check`: errors of what a bake with the same options bakes.
+
+use crate::common::{hairbake, write_curves};
+use nalgebra::Vector3;
+use predicates::str::contains;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use tempfile::TempDir;
+
+/// Length of the guides, m.
+const LENGTH: f64 = 0.1;
+
+/// Four guides that hang from a head at rest, in the frames 1001 to 1008.
+struct Scene {
+    folder: TempDir,
+    groom: PathBuf,
+    anim: PathBuf,
+}
+
+impl Scene {
+    /// With what `change` makes of the animation.
+    fn new(change: impl FnOnce(&mut Value)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let guide = |g: u32| {
+            (0..5).map(move |k| Vector3::new(0.01 * f64::from(g), -LENGTH * f64::from(k) / 4.0, 0.0))
+        };
+        let points: Vec<[f64; 3]> = (0..4).flat_map(guide).map(Into::into).collect();
+        for frame in 1001..=1008 {
+            write_curves(&folder.path().join(format!("curl.{frame}.obj")), (0..4).map(guide));
+        }
+        let groom = json!({
+            "format": "hairbake-groom", "version": 1, "groups": [{ "name": "hair", "material": 0 }],
+            "guides": { "vertices": 5, "points": points },
+        });
+        let mut anim = json!({
+            "format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1001, 1008],
+            "bodies": [{ "name": "head" }], "settings": { "preroll_s": 0, "substeps": 1, "contact": "bodies" },
+        });
+        change(&mut anim);
+        let [groom, anim] = [("groom.json", groom), ("anim.json", anim)].map(|(name, value)| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, value.to_string()).unwrap();
+            path
+        });
+        Scene { folder, groom, anim }
+    }
+
+    fn check(&self, options: &[&str]) -> assert_cmd::assert::Assert {
+        hairbake().arg("check").args([&self.groom, &self.anim]).args(options).assert()
+    }
+}
+
+#[test]
+fn the_options_of_a_bake_change_what_is_checked() {
+    let scene = Scene::new(|anim| anim["roots"] = json!([{ "name": "pins", "ids": [0], "hold": "pinned" }]));
+    scene.check(&[]).success();
+    for (options, found) in [
+        (["--set", "anim.fps=-1"], "fps"),
+        (["--set", "groom.guides.vertices=3"], "points"),
+        (["--resolution", "coarse"], "settings.resolution"),
+        (["--frames", "1-2"], "--frames selects 1 to 2"),
+    ] {
+        scene.check(&options).code(65).stderr(contains(found));
+    }
+    scene.check(&["--set", "anim.fps.rate=1"]).code(64).stderr(contains("no such key"));
+    let set = ["--set", "groom.name=x"];
+    hairbake()
+        .arg("check")
+        .arg(&scene.anim)
+        .args(set)
+        .assert()
+        .code(64)
+        .stderr(contains("no file of this kind"));
+    let map = format!("/nowhere={}", scene.folder.path().display());
+    let mapped = ["check", "/nowhere/groom.json", "/nowhere/anim.json", "--path-map", &map];
+    hairbake().args(mapped).assert().success();
+}
