@@ -5,6 +5,7 @@ mod finished_cache;
 use super::base_cache::{BaseCache, GroupSelection};
 use super::cache_content::CacheContent;
 use super::over::OverPlan;
+use super::scene_warnings::{SceneWarning, scene_warnings};
 use super::start_check;
 use super::work_dir::WorkDir;
 use crate::Result;
@@ -128,6 +129,11 @@ impl Job {
         let anim = self.inputs.iter().find(|input| input.role == "anim");
         let file = Path::new(anim.map_or("anim.json", |input| &input.file));
         start_check::check(&self.groom, &self.anim, &self.rods, file)
+    }
+
+    /// What the user is warned of in the scene.
+    pub fn warnings(&self) -> Vec<SceneWarning> {
+        scene_warnings(&self.anim)
     }
 
     /// As [`cache_frames`].

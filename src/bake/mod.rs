@@ -18,12 +18,14 @@ pub mod job;
 mod manifest;
 pub mod output;
 pub mod over;
+mod scene_warnings;
 mod single;
 mod stages;
 mod start_check;
 mod summary;
 pub mod work_dir;
 
+pub use scene_warnings::SceneWarning;
 pub use stages::{assemble, bake, input_records, interpolate, simulate};
 pub use start_check::check_start;
 pub use summary::{BakeSummary, StageSeconds};

@@ -43,7 +43,7 @@ pub fn bake(
     let done: Vec<Option<WrittenFrame>> = frames.par_iter().map(|frame| job.work.done(*frame).ok()).collect();
     let mut stepper = FrameStepper::new(job, control, job.simulated());
     let mut writer = FrameWriter::new(job, &frames)?;
-    let mut summary = BakeSummary::default();
+    let mut summary = BakeSummary { scene: job.warnings(), ..BakeSummary::default() };
     let mut finished = Vec::new();
     // The strands of a frame depend on the guides of the frames around it, so the simulation runs ahead.
     let mut ahead = job.simulated().peekable();
@@ -164,7 +164,7 @@ pub fn assemble(job: &Job) -> Result<BakeSummary> {
         )));
     }
     let finished: Vec<Finished> = found.into_iter().flatten().collect();
-    let mut summary = BakeSummary::default();
+    let mut summary = BakeSummary { scene: job.warnings(), ..BakeSummary::default() };
     finished.iter().for_each(|f| summary.add(job, &f.record, None));
     FrameStepper::new(job, &Control::default(), job.simulated()).finish()?;
     summary.manifest = Some(finish(job, FrameWriter::new(job, &frames)?.into_writer(), finished)?);

@@ -1,5 +1,6 @@
 //! Whether a bake can start: where the groom lies among the bodies.
 
+use super::scene_warnings::{SceneWarning, scene_warnings};
 use crate::dynamics::exemption::Exemption;
 use crate::dynamics::guide_rods::GuideRods;
 use crate::dynamics::simulation::Simulation;
@@ -12,17 +13,19 @@ use std::path::Path;
 /// hair drawn through an ear are some per cent; a groom in another space than the body is nearly all.
 const MAX_EXEMPT: f64 = 0.5;
 
-/// Checks where `groom` lies when the pre-roll of a bake starts. Errors name `file`, that of `anim`.
+/// Checks where `groom` lies when the pre-roll of a bake starts; returns what the user is warned of. Errors name
+/// `file`, that of `anim`.
 ///
 /// # Errors
 /// [`Error::BadInput`] for each body that holds most of the groom.
-pub fn check_start(groom: Groom, anim: &Anim, file: &Path) -> Result<()> {
+pub fn check_start(groom: Groom, anim: &Anim, file: &Path) -> Result<Vec<SceneWarning>> {
     let groom = groom.with_default_trees(anim.settings.nodes);
     let rods = GuideRods::new(&groom, anim);
-    check(&groom, anim, &rods, file)
+    check(&groom, anim, &rods, file)?;
+    Ok(scene_warnings(anim))
 }
 
-/// As [`check_start`], of a groom with trees and its guides as `rods`.
+/// As [`check_start`] without warnings, of a groom with trees and its guides as `rods`.
 ///
 /// # Errors
 /// As [`check_start`].

@@ -2,6 +2,7 @@
 
 use super::frame_record::FrameRecord;
 use super::job::Job;
+use super::scene_warnings::SceneWarning;
 use crate::cache::Manifest;
 use serde::Serialize;
 
@@ -27,6 +28,8 @@ impl StageSeconds {
 /// What a stage did, frame by frame.
 #[derive(Debug, Clone, Default)]
 pub struct BakeSummary {
+    /// What the user is warned of in the scene.
+    pub scene: Vec<SceneWarning>,
     /// Records of the frames.
     pub frames: Vec<FrameRecord>,
     /// Time of each frame; `None` if it was done already.

@@ -5,6 +5,7 @@ use super::frame_list::{FrameList, frame_list};
 use super::progress::Progress;
 use super::run_arguments::RunArguments;
 use super::scene_arguments::{OUTPUT, SELECTION, SceneArguments};
+use super::warnings::of_scene;
 use super::{console, summary};
 use crate::bake::{self, BakeSummary};
 use crate::error::{Error, Result};
@@ -65,9 +66,9 @@ pub struct FinishArguments {
     figures: bool,
     /// Exit with code 1 if the bake broke a guarantee
     ///
-    /// Guarantees: hair crosses no surface, no motion is truncated, every solve converges, and contact forces
-    /// balance to 1e-3. Hair inside bodies that leave no room for it breaks none. The cache is written in
-    /// either case.
+    /// Guarantees: hair crosses no surface, no motion is truncated, every solve converges, contact forces
+    /// balance to 1e-3, and every tie, load and goal acts in the shot. Hair inside bodies that leave no room
+    /// for it breaks none. The cache is written in either case.
     #[arg(long, help_heading = OUTPUT)]
     strict: bool,
 }
@@ -110,7 +111,8 @@ pub fn run(arguments: &BakeArguments, origins: &OptionOrigins, progress: Progres
         let loaded = scene.load(shot)?;
         let plan = explain::plan(scene, &loaded, origins)?;
         if *dry_run {
-            loaded.check_start()?;
+            let warnings = loaded.check_start()?;
+            warnings.iter().for_each(|warning| console::warn(&of_scene(warning).to_text()));
             return console::data(plan.as_bytes());
         }
         console::say(plan.trim_end());
@@ -141,15 +143,18 @@ pub fn say_frames(verb: &str, summary: &BakeSummary, out: &Path) {
     console::say(&format!("{}: {verb} {fresh} of {all} frames{before}", out.display()));
 }
 
-/// Checks that every frame kept the guarantees of `--strict`.
+/// Checks that scene and frames kept the guarantees of `--strict`.
 ///
 /// # Errors
-/// [`Error::Broken`] with the first frame that breaks a guarantee.
+/// [`Error::Broken`] with the first frame that breaks a guarantee, or what of the scene does.
 fn check_guarantees(summary: &BakeSummary) -> Result<()> {
     let mut broken =
         summary.frames.iter().map(|f| (f.frame, f.broken())).filter(|(_, what)| !what.is_empty());
     match broken.next() {
-        None => Ok(()),
+        None => match summary.scene.iter().find_map(|warning| warning.broken.as_ref()) {
+            Some(what) => Err(Error::Broken(format!("guarantees are broken: {what}"))),
+            None => Ok(()),
+        },
         Some((frame, what)) => {
             let (what, more) = (what.join(", "), broken.count());
             let and_preroll =

@@ -4,6 +4,7 @@ use super::console;
 use super::frame_list::{FrameList, frame_list};
 use super::scene_arguments::SELECTION;
 use super::scene_changes::SceneChanges;
+use super::warnings::of_scene;
 use crate::bake;
 use crate::error::{Error, Result};
 use crate::scene::{self, Format, LoadOptions};
@@ -31,7 +32,8 @@ pub struct CheckArguments {
     changes: SceneChanges,
 }
 
-/// Reports every error in the files, and where grooms lie as a bake with each of the animations starts.
+/// Reports every error in the files, where grooms lie as a bake with each of the animations starts, and what a bake
+/// warns of before it starts.
 pub fn run(arguments: &CheckArguments) -> Result<()> {
     let options = arguments.changes.load_options()?;
     let files: Vec<PathBuf> = arguments.files.iter().map(|file| options.path_map.map_path(file)).collect();
@@ -47,7 +49,8 @@ pub fn run(arguments: &CheckArguments) -> Result<()> {
     Ok(())
 }
 
-/// Checks that a bake of each groom with each animation among `files`, which have no errors, can start.
+/// Checks that a bake of each groom with each animation among `files`, which have no errors, can start; prints
+/// warnings.
 ///
 /// # Errors
 /// [`Error::BadInput`] for each body that holds most of a groom, and for frames and resolutions that the files exclude;
@@ -71,7 +74,10 @@ fn check_starts(arguments: &CheckArguments, files: &[&Path], options: &LoadOptio
             let loaded = arguments.changes.load([groom_file, anim_file], options, shot, false);
             match loaded.and_then(|(groom, anim)| bake::check_start(groom, &anim, anim_file)) {
                 Err(Error::BadInput(errors)) => found.extend(errors),
-                other => other?,
+                warnings => {
+                    let text = |w| format!("{}: {}", anim_file.display(), of_scene(w).to_text());
+                    warnings?.iter().for_each(|warning| console::warn(&text(warning)));
+                }
             }
         }
     }

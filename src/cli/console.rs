@@ -82,6 +82,11 @@ pub fn say(text: &str) {
     }
 }
 
+/// Prints a warning, unless quiet.
+pub fn warn(text: &str) {
+    tracing::warn!("{text}");
+}
+
 /// Prints that a file or folder was written, unless quiet.
 pub fn wrote(path: &Path) {
     say(&format!("wrote {}", path.display()));

@@ -3,6 +3,7 @@
 use super::scene_changes::SceneChanges;
 use super::settings::Explained;
 use super::{console, summary, values};
+use crate::bake::SceneWarning;
 use crate::bake::base_cache::GroupSelection;
 use crate::bake::job::{Job, JobOptions};
 use crate::bake::over::{self, OverPlan, Undeformable};
@@ -241,13 +242,15 @@ impl Scene {
         self.job(out, Job::begin)
     }
 
-    /// Checks where the groom lies when the bake starts. Writes nothing.
+    /// Checks where the groom lies when the bake starts; returns what the user is warned of. Writes nothing.
     ///
     /// # Errors
     /// Those of [`Job::new`] and [`Job::check_start`].
-    pub fn check_start(self) -> Result<()> {
+    pub fn check_start(self) -> Result<Vec<SceneWarning>> {
         let out = self.out.clone();
-        self.job(&out, Job::new)?.check_start()
+        let job = self.job(&out, Job::new)?;
+        job.check_start()?;
+        Ok(job.warnings())
     }
 
     /// The bake in the folder `out`, made by `make`.

@@ -125,7 +125,7 @@ fn baked(reader: &Reader, earlier: &Earlier) -> Result<(BakeSummary, Figures)> {
         }
     };
     let seconds = frames.iter().map(|f: &FrameRecord| earlier.seconds.get(&f.frame).copied()).collect();
-    Ok((BakeSummary { frames, seconds, preroll_seconds: None, manifest }, figures))
+    Ok((BakeSummary { frames, seconds, manifest, ..BakeSummary::default() }, figures))
 }
 
 /// The records of the frames, for what they warn of; what an older program did not record warns of nothing.

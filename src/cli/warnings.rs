@@ -1,12 +1,17 @@
 //! What the user of a bake is warned of.
 
-use crate::bake::BakeSummary;
 use crate::bake::frame_record::{FrameRecord, GAIN, RESIDUAL};
+use crate::bake::{BakeSummary, SceneWarning};
 use crate::report::Warning;
 use crate::report::view::Findings;
 
 /// Most guides that a warning lists.
 const MAX_LISTED: usize = 8;
+
+/// What the user should look at in a scene.
+pub fn of_scene(SceneWarning { what, advice, frames, .. }: &SceneWarning) -> Warning {
+    Warning { what: what.clone(), advice: advice.clone(), frames: frames.clone() }
+}
 
 /// What the user should look at.
 pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
@@ -18,7 +23,7 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
         let more = if f.unconverged.len() > MAX_LISTED { ", ..." } else { "" };
         (!ids.is_empty()).then(|| format!("guides {}{more}", ids.join(", ")))
     };
-    [
+    let of_frames = [
         warning(
             frames,
             "the solver found no motion for some guides, which went stiffly along with the head",
@@ -103,10 +108,8 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
             |f| (f.hair_jumped > 0).then(|| format!("{}, {:.0} cm", f.hair_jumped, 1e2 * f.hair_jump_m)),
         ),
         summary.manifest.as_ref().and_then(|manifest| limited(frames, manifest.summary.guides.0)),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
+    ];
+    summary.scene.iter().map(of_scene).chain(of_frames.into_iter().flatten()).collect()
 }
 
 /// Depth of a guide inside a body above which the user is warned, m: the validator's tolerance.

@@ -53,6 +53,19 @@ impl<const D: usize> Keyframes<D> {
         self.values[i - 1].lerp(&self.values[i], (t - a) / (b - a))
     }
 
+    /// True if it is zero at all times.
+    pub fn is_zero(&self) -> bool {
+        self.values.iter().all(|value| *value == SVector::<f64, D>::zeros())
+    }
+
+    /// True if it is zero from one time to another, s.
+    pub fn is_zero_within(&self, [from, to]: [f64; 2]) -> bool {
+        let keys = self.times.iter().zip(&self.values).filter(|(t, _)| (from..=to).contains(t));
+        let ends = [self.at(from), self.at(to)];
+        // Between keys no component leaves the interval of its values there.
+        keys.map(|(_, value)| value).chain(&ends).all(|value| *value == SVector::<f64, D>::zeros())
+    }
+
     /// Slope at key `i`, 1/s times the unit of the values.
     fn slope(&self, i: usize) -> SVector<f64, D> {
         if i == 0 || i + 1 == self.times.len() {
@@ -87,6 +100,17 @@ mod tests {
         assert_eq!(wind.at(-9.0), wind.values[0]);
         assert_eq!(wind.at(9.0), wind.values[3]);
         assert_eq!(Keyframes::constant(Vector3::x()).at(3.0), Vector3::x());
+    }
+
+    #[test]
+    fn is_zero_where_the_keys_around_are() {
+        let wind = keyframes(&[(1.0, 0.0), (2.0, 3.0), (3.0, 0.0), (4.0, 0.0), (5.0, 1.0)]);
+        let wind = Keyframes { values: wind.values.iter().map(|v| v.xy()).collect(), times: wind.times };
+        let spans = [[-9.0, 1.0], [3.0, 4.0], [3.2, 3.3]];
+        assert!(spans.into_iter().all(|span| wind.is_zero_within(span)) && !wind.is_zero());
+        for span in [[-9.0, 1.1], [0.0, 3.5], [3.5, 4.1], [6.0, 7.0]] {
+            assert!(!wind.is_zero_within(span), "{span:?}");
+        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! `hairbake check`: errors of what a bake with the same options bakes.
+//! `hairbake check`: errors and warnings of what a bake with the same options bakes.
 
-use crate::common::{hairbake, write_curves};
+use crate::common::{bake, hairbake, here, write_curves};
 use nalgebra::Vector3;
+use predicates::prelude::*;
 use predicates::str::contains;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -48,6 +49,47 @@ impl Scene {
     fn check(&self, options: &[&str]) -> assert_cmd::assert::Assert {
         hairbake().arg("check").args([&self.groom, &self.anim]).args(options).assert()
     }
+}
+
+/// A tie, a load and a goal that act from one frame to another.
+fn driven(anim: &mut Value, frames: [i32; 2]) {
+    let force = json!({ "frames": frames, "values": [[0, 0, 0], [1e-5, 0, 0]] });
+    anim["ties"] = json!([{ "name": "clip", "ids": [0], "arc_m": 0.05, "frames": frames }]);
+    anim["loads"] = json!([{ "name": "gust", "ids": [1], "arc_share": 1, "force_n": force }]);
+    let weight = json!({ "frames": frames, "values": [0, 1] });
+    anim["goals"] = json!([{ "name": "curl", "sequence": "curl.####.obj", "weight": weight }]);
+}
+
+#[test]
+fn what_does_nothing_in_the_shot_is_warned_of_and_breaks_a_guarantee() {
+    let idle = [
+        "the tie \"clip\" does nothing: its frames are 2000 to 2010, those of the shot 1001 to 1008; correct ties[0]",
+        "the load \"gust\" does nothing",
+        "the goal \"curl\" does nothing",
+    ];
+    let scene = Scene::new(|anim| driven(anim, [2000, 2010]));
+    let run = |out: &str, options: &[&str]| {
+        let out = scene.folder.path().join(out);
+        let done = bake(&scene.groom, &scene.anim, &out).arg("--no-pictures").args(options).assert();
+        (out, done)
+    };
+    for what in idle {
+        scene.check(&[]).success().stderr(contains(what));
+        run("dry", &["--dry-run"]).1.success().stderr(contains(what));
+        // Frames of which only some are baked are no reason.
+        scene.check(&["--frames", "1002-1003"]).success().stderr(contains(what));
+    }
+    let (out, done) = run("out", &[]);
+    let done = done.success();
+    let text = String::from_utf8_lossy(&done.get_output().stderr);
+    assert!(idle.iter().all(|what| text.contains(what)), "{text}");
+    let report: Value = serde_json::from_slice(&here(&out.join("report.json"))).unwrap();
+    assert!(report["warnings"].to_string().contains("does nothing"), "{}", report["warnings"]);
+    let broken = contains("guarantees are broken: the tie \"clip\" does nothing");
+    run("strict", &["--strict"]).1.code(1).stderr(broken);
+    let acts = Scene::new(|anim| driven(anim, [1002, 1004]));
+    acts.check(&[]).success().stderr(contains("warning").not());
+    acts.check(&["--frames", "1007-1008"]).success().stderr(contains("warning").not());
 }
 
 #[test]

@@ -1,0 +1,71 @@
+//! What the user is warned of in a scene before it is baked.
+
+use crate::scene::Anim;
+use crate::scene::anim::{Keyframes, Load, Tie};
+
+/// What the user should look at in a scene.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SceneWarning {
+    /// What it is.
+    pub what: String,
+    /// What to do about it.
+    pub advice: String,
+    /// The frames, each with a detail; empty if it is about all.
+    pub frames: Vec<(i32, String)>,
+    /// The guarantee that it breaks, if it does.
+    pub broken: Option<String>,
+}
+
+/// The warnings of a scene.
+pub fn scene_warnings(anim: &Anim) -> Vec<SceneWarning> {
+    idle(anim)
+}
+
+/// The ties, loads and goals that do nothing in the shot and its pre-roll: their frames are others.
+fn idle(anim: &Anim) -> Vec<SceneWarning> {
+    let (first, last) = anim.shot;
+    let span = [anim.time(f64::from(first) - 1.0) - anim.settings.preroll, anim.time(f64::from(last))];
+    let warning = |kind: &str, name: &str, times: [f64; 2], key: &str| {
+        let [from, to] = times.map(|t| format!("{}", (1e3 * t * anim.fps).round() / 1e3));
+        SceneWarning {
+            what: format!(
+                "the {kind} \"{name}\" does nothing: its frames are {from} to {to}, those of the shot {first} to {last}"
+            ),
+            advice: format!("; correct {key}, or remove it"),
+            frames: Vec::new(),
+            broken: Some(format!("the {kind} \"{name}\" does nothing")),
+        }
+    };
+    let ties = anim.ties.iter().enumerate().filter(|(_, tie)| is_over(tie, span));
+    let ties = ties.map(|(i, tie)| warning("tie", &tie.name, tie.times, &format!("ties[{i}].frames")));
+    let loads = anim.loads.iter().enumerate().filter_map(|(i, load)| {
+        let Load { name, force, moment, .. } = load;
+        let keys = [force, moment].into_iter().filter(|keys| !keys.is_zero()).collect::<Vec<_>>();
+        let rests = !keys.is_empty() && keys.iter().all(|keys| keys.is_zero_within(span));
+        rests.then(|| warning("load", name, ends(&keys), &format!("the keys of loads[{i}]")))
+    });
+    let goals = anim.goals.iter().enumerate().filter_map(|(i, goal)| {
+        let (weight, hard_to) = (&goal.pull.weight, &goal.pull.hard_to);
+        let rests = |keys: &Keyframes<1>| !keys.is_zero() && keys.is_zero_within(span);
+        let (keys, key) = if rests(weight) {
+            (weight, "weight")
+        } else if goal.pull.along.is_zero() && rests(hard_to) {
+            (hard_to, "hard_to")
+        } else {
+            return None;
+        };
+        Some(warning("goal", &goal.name, ends(&[keys]), &format!("goals[{i}].{key}")))
+    });
+    ties.chain(loads).chain(goals).collect()
+}
+
+/// Whether a tie holds at no time within `span`, s.
+fn is_over(tie: &Tie, span: [f64; 2]) -> bool {
+    tie.times[1] < span[0] || tie.times[0] > span[1]
+}
+
+/// First and last time of keys, s.
+fn ends<const D: usize>(keys: &[&Keyframes<D>]) -> [f64; 2] {
+    let times = || keys.iter().flat_map(|keys| keys.times.iter().copied());
+    [times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max)]
+}
