@@ -133,7 +133,7 @@ impl Job {
 
     /// What the user is warned of in the scene.
     pub fn warnings(&self) -> Vec<SceneWarning> {
-        scene_warnings(&self.anim)
+        scene_warnings(&self.groom, &self.anim, &self.rods)
     }
 
     /// As [`cache_frames`].

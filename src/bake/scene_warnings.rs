@@ -1,7 +1,9 @@
 //! What the user is warned of in a scene before it is baked.
 
-use crate::scene::Anim;
+use crate::dynamics::guide_rods::GuideRods;
+use crate::dynamics::tie_reach::{OutOfReach, out_of_reach};
 use crate::scene::anim::{Keyframes, Load, Tie};
+use crate::scene::{Anim, Groom};
 
 /// What the user should look at in a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -16,9 +18,22 @@ pub struct SceneWarning {
     pub broken: Option<String>,
 }
 
-/// The warnings of a scene.
-pub fn scene_warnings(anim: &Anim) -> Vec<SceneWarning> {
-    idle(anim)
+/// The warnings of a scene. `groom` must have its trees, and `rods` are its own.
+pub fn scene_warnings(groom: &Groom, anim: &Anim, rods: &GuideRods) -> Vec<SceneWarning> {
+    let too_far = out_of_reach(groom, anim, rods);
+    let too_far = too_far.iter().map(|found| unreached(&anim.ties[found.tie].name, found));
+    idle(anim).into_iter().chain(too_far).collect()
+}
+
+/// A tie that hair does not reach.
+fn unreached(name: &str, OutOfReach { guides, short, frames, .. }: &OutOfReach) -> SceneWarning {
+    let away = |(frame, by): &(i32, f64)| (*frame, format!("{:.0} mm", 1e3 * by));
+    SceneWarning {
+        what: format!("the tie \"{name}\" is out of reach of {short} of its {guides} guides"),
+        advice: "; move it nearer to their roots, tie them farther from the root, or leave them out".into(),
+        frames: frames.iter().map(away).collect(),
+        broken: None,
+    }
 }
 
 /// The ties, loads and goals that do nothing in the shot and its pre-roll: their frames are others.

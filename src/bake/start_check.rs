@@ -22,7 +22,7 @@ pub fn check_start(groom: Groom, anim: &Anim, file: &Path) -> Result<Vec<SceneWa
     let groom = groom.with_default_trees(anim.settings.nodes);
     let rods = GuideRods::new(&groom, anim);
     check(&groom, anim, &rods, file)?;
-    Ok(scene_warnings(anim))
+    Ok(scene_warnings(&groom, anim, &rods))
 }
 
 /// As [`check_start`] without warnings, of a groom with trees and its guides as `rods`.

@@ -26,5 +26,6 @@ pub mod simulation;
 pub mod step_record;
 mod strand_contact;
 pub mod tie;
+pub mod tie_reach;
 mod wisp_friction;
 pub mod wisps;

@@ -165,6 +165,12 @@ impl Tie {
         (WITHIN_REACH * (self.arc - anchor.arc)).max((self.drawn - anchor.drawn).norm())
     }
 
+    /// The place nearest to `goal`, world, m, that the strand reaches from `anchor`.
+    pub fn within_reach(&self, anchor: &Anchor, goal: &Vector3<f64>) -> Vector3<f64> {
+        let offset = goal - anchor.x;
+        anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0)
+    }
+
     /// Segment of the contact polyline `x`, m, and position on it (0..=1) that is to be at `goal`, m.
     pub fn position(&self, x: &[Vector3<f64>], goal: &Vector3<f64>) -> (usize, f64) {
         if self.slides {
@@ -208,10 +214,7 @@ impl Tie {
         let carried = (poses[1] * poses[0].inverse_transform_point(&from.into())).coords;
         let offset = goal - carried;
         let free = carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0);
-        let target = anchor.map_or(free, |anchor| {
-            let offset = free - anchor.x;
-            anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0)
-        });
+        let target = anchor.map_or(free, |anchor| self.within_reach(anchor, &free));
         let (segment, s) = on_rod(k, u);
         let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
         // By the rotation that is held, which is not that of `frame_between`.

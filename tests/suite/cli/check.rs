@@ -93,6 +93,24 @@ fn what_does_nothing_in_the_shot_is_warned_of_and_breaks_a_guarantee() {
 }
 
 #[test]
+fn ties_that_hair_is_too_short_to_reach_are_warned_of() {
+    let scene = Scene::new(|anim| {
+        // From frame 1005 on it is a metre away.
+        let places: Vec<[f64; 3]> =
+            (1000..=1010).map(|frame| [if frame < 1005 { 0.0 } else { 1.0 }, 0.0, 0.0]).collect();
+        let track = json!({ "first_frame": 1000, "translation": places, "pops": "keep", "smoothing_hz": 0 });
+        anim["bodies"].as_array_mut().unwrap().push(json!({ "name": "hand", "track": track }));
+        anim["ties"] = json!([
+            { "name": "near", "arc_m": 0.03 },
+            { "name": "grip", "body": "hand", "arc_m": 0.08, "at": [0.0, -0.05, 0.0] },
+        ]);
+    });
+    let named = "the tie \"grip\" is out of reach of 4 of its 4 guides in 4 frames: 1005 (9";
+    scene.check(&[]).success().stderr(contains(named).and(contains("\"near\"").not()));
+    scene.check(&["--frames", "1001-1004"]).success().stderr(contains("warning").not());
+}
+
+#[test]
 fn the_options_of_a_bake_change_what_is_checked() {
     let scene = Scene::new(|anim| anim["roots"] = json!([{ "name": "pins", "ids": [0], "hold": "pinned" }]));
     scene.check(&[]).success();
