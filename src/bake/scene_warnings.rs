@@ -2,8 +2,13 @@
 
 use crate::dynamics::guide_rods::GuideRods;
 use crate::dynamics::tie_reach::{OutOfReach, out_of_reach};
+use crate::math::polyline;
 use crate::scene::anim::{Keyframes, Load, Tie};
-use crate::scene::{Anim, Groom};
+use crate::scene::{Anim, Collider, Groom};
+
+/// Share of the median length of the hair above which the thickness of a collider is warned of. A strand that lies
+/// along a surface leaves it, over its whole length, at no more than this angle, rad.
+const THICK: f64 = 0.1;
 
 /// What the user should look at in a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -22,7 +27,7 @@ pub struct SceneWarning {
 pub fn scene_warnings(groom: &Groom, anim: &Anim, rods: &GuideRods) -> Vec<SceneWarning> {
     let too_far = out_of_reach(groom, anim, rods);
     let too_far = too_far.iter().map(|found| unreached(&anim.ties[found.tie].name, found));
-    idle(anim).into_iter().chain(too_far).collect()
+    idle(anim).into_iter().chain(too_far).chain(thick(groom, anim)).collect()
 }
 
 /// A tie that hair does not reach.
@@ -83,4 +88,42 @@ fn is_over(tie: &Tie, span: [f64; 2]) -> bool {
 fn ends<const D: usize>(keys: &[&Keyframes<D>]) -> [f64; 2] {
     let times = || keys.iter().flat_map(|keys| keys.times.iter().copied());
     [times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// The colliders that keep hair away by more than a small part of its length.
+fn thick(groom: &Groom, anim: &Anim) -> Vec<SceneWarning> {
+    let curves = match &groom.strands.curves {
+        strands if strands.is_empty() => &groom.guides.curves,
+        strands => strands,
+    };
+    let mut lengths: Vec<f64> = (0..curves.len()).map(|i| polyline::length(curves.curve(i))).collect();
+    let middle = lengths.len() / 2;
+    if lengths.is_empty() {
+        return Vec::new();
+    }
+    let (_, length, _) = lengths.select_nth_unstable_by(middle, f64::total_cmp);
+    let most = THICK * *length;
+    let warning = |(i, collider): (usize, &Collider)| SceneWarning {
+        what: format!(
+            "the collider \"{}\" keeps hair {} mm away, more than a tenth of its median length of {} mm: such hair is \
+             lifted, and slow to settle",
+            collider.name,
+            in_mm(collider.thickness, f64::round),
+            in_mm(*length, f64::round)
+        ),
+        advice: format!(
+            "; give colliders[{i}].thickness_m, or --thickness of `import track`, {} mm or less",
+            in_mm(most, f64::floor)
+        ),
+        ..SceneWarning::default()
+    };
+    anim.colliders.iter().enumerate().filter(|(_, c)| c.thickness > most).map(warning).collect()
+}
+
+/// A length, m, in millimetres, to two digits by `round`.
+fn in_mm(length: f64, round: impl Fn(f64) -> f64) -> String {
+    let mm = 1e3 * length;
+    let digits = 1.0 - mm.log10().floor();
+    let unit = 10_f64.powf(digits);
+    format!("{}", round(mm * unit) / unit)
 }

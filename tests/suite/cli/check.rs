@@ -111,6 +111,19 @@ fn ties_that_hair_is_too_short_to_reach_are_warned_of() {
 }
 
 #[test]
+fn colliders_that_are_thick_beside_the_hair_are_warned_of() {
+    let scene = Scene::new(|anim| {
+        let shape = json!({ "type": "sphere", "centre": [0, 1, 0], "radius": 0.1 });
+        anim["colliders"] = json!([{ "name": "skin", "shape": shape, "thickness_m": 0.011 }]);
+    });
+    let named =
+        "the collider \"skin\" keeps hair 11 mm away, more than a tenth of its median length of 100 mm";
+    scene.check(&[]).success().stderr(contains(named).and(contains("colliders[0].thickness_m")));
+    let less = ["--set", "anim.colliders[0].thickness_m=0.009"];
+    scene.check(&less).success().stderr(contains("warning").not());
+}
+
+#[test]
 fn the_options_of_a_bake_change_what_is_checked() {
     let scene = Scene::new(|anim| anim["roots"] = json!([{ "name": "pins", "ids": [0], "hold": "pinned" }]));
     scene.check(&[]).success();
