@@ -1,6 +1,6 @@
 //! The bodies of a scene.
 
-use crate::geometry::{Deformation, Friction, Shape, Solid, SolidMesh, SurfacePoint};
+use crate::geometry::{Deformation, Friction, FromRest, Shape, Solid, SolidMesh, SurfacePoint};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -41,9 +41,14 @@ impl Bodies {
 
     /// Prepares deforming bodies for the step between two times, s; once for all queries in the step.
     pub fn prepare(&mut self, times: [f64; 2]) {
-        for body in &mut self.bodies {
+        self.prepare_from_rest(times, |_, _| None);
+    }
+
+    /// The same, of bodies that are on their way from rest: `from_rest` tells where, by the body and the time, s.
+    pub fn prepare_from_rest(&mut self, times: [f64; 2], from_rest: impl Fn(usize, f64) -> Option<FromRest>) {
+        for (b, body) in self.bodies.iter_mut().enumerate() {
             if let Solid::Deforming(deforming) = &mut body.solid {
-                deforming.prepare(times);
+                deforming.prepare(times, |t| from_rest(b, t));
             }
         }
     }

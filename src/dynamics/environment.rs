@@ -2,6 +2,7 @@
 
 use crate::contact::Bodies;
 use crate::contact::friction::Interrupt;
+use crate::geometry::FromRest;
 use crate::math::se3::Pose;
 use crate::scene::RootBinding;
 use crate::scene::anim::{GRAVITY, Wind};
@@ -12,6 +13,9 @@ pub type OfTime<'a, T> = Box<dyn Fn(f64) -> T + Sync + 'a>;
 
 /// A pose that depends on an index and on time, s.
 pub type PoseOf<'a> = Box<dyn Fn(usize, f64) -> Isometry3<f64> + Sync + 'a>;
+
+/// Where a deforming body is on its way from rest, by its index and time, s; `None` where its deformation has it.
+pub type FromRestOf<'a> = Box<dyn Fn(usize, f64) -> Option<FromRest> + Sync + 'a>;
 
 /// The motion that carries a root on a skin, by its binding and time, s.
 pub type CarriedBySkin<'a> = Box<dyn Fn(&RootBinding, f64) -> Isometry3<f64> + Sync + 'a>;
@@ -30,6 +34,8 @@ pub struct Environment<'a> {
     pub bodies: Bodies,
     /// Rest space of body `b` of `bodies` to world.
     pub body: PoseOf<'a>,
+    /// Where each deforming body of `bodies` is on its way from rest, by the time, s.
+    pub from_rest: FromRestOf<'a>,
     /// Rest space of body `b` of the animation to world: ties are attached to these.
     pub carrier: PoseOf<'a>,
     /// Progress (0..=1) of pushing points that start inside a body out of it.
@@ -65,6 +71,7 @@ impl<'a> Environment<'a> {
             wind: &[],
             bodies,
             body: Box::new(|_, _| Isometry3::identity()),
+            from_rest: Box::new(|_, _| None),
             carrier: Box::new(|_, _| Isometry3::identity()),
             push_out: Box::new(|_| 1.0),
             interrupt: Interrupt::default(),
@@ -80,6 +87,11 @@ impl<'a> Environment<'a> {
     pub fn root_on(carrier: &Isometry3<f64>, rest: &Pose) -> Pose {
         let r = carrier.rotation.to_rotation_matrix();
         Pose { r: r.matrix() * rest.r, p: r * rest.p + carrier.translation.vector }
+    }
+
+    /// Prepares the bodies for the sub-step between two times, s.
+    pub fn prepare_bodies(&mut self, times: [f64; 2]) {
+        self.bodies.prepare_from_rest(times, &self.from_rest);
     }
 
     /// World poses of `bodies` at time `t`, s.

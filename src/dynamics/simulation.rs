@@ -11,6 +11,7 @@ use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
 use super::hair_volume::{HairVolume, HairVolumeState};
 use super::model::Model;
+use super::run_up::{RunUp, StartLine};
 use super::step_record::{HairRecord, StepRecord};
 use super::strand_contact::{BundleProperties, RECOVERY_SPEED, StrandContacts};
 use super::wisp_friction::CarrierVelocity;
@@ -25,6 +26,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::sync::Arc;
 
 pub use super::coupled_substep::Interrupted;
 
@@ -112,7 +114,7 @@ pub fn step<'s>(
         state.record.active[i] = state.is_active(model, i);
     }
     let span = [state.taken, state.taken + 1].map(|taken| model.time_after(taken));
-    env.bodies.prepare(span);
+    env.prepare_bodies(span);
     state.guides.iter_mut().for_each(GuideState::clear_hair_force);
     // What is not stepped has none.
     state.guides.iter_mut().for_each(GuideState::clear_reaction);
@@ -246,7 +248,7 @@ fn catch_up_split(
     let mut of_all = vec![StepRecord::default(); guides.len()];
     for substep in substeps {
         let span = [substep, substep + 1].map(|taken| model.time_after(taken));
-        env.bodies.prepare(span);
+        env.prepare_bodies(span);
         if let Some(hair) = hair {
             for &i in &split {
                 guides[i].clear_hair_force();
@@ -266,16 +268,39 @@ impl<'a> Simulation<'a> {
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
         let mut model = Model::new(groom, anim, rods);
         let (t, h) = (model.time_after(0), model.substep());
-        let mut env = environment(&model);
-        env.bodies.prepare([t, t]);
+        let mut env = environment(&model, RunUp::none(anim));
+        env.prepare_bodies([t, t]);
         let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
         let skins = skins_at_rest(anim, t);
-        let start = |(guide, bundle): (&GuideModel, &BundleProperties)| {
-            // The axis of a hair is never nearer than its surface allows.
-            let kept: Vec<f64> = thickness.iter().map(|d| d.max(bundle.hair_radius)).collect();
-            GuideState::on_skins(guide, &kept, &env, skins.as_ref(), [t, h])
+        // The axis of a hair is never nearer than its surface allows.
+        let kept = |bundle: &BundleProperties| {
+            thickness.iter().map(|d| d.max(bundle.hair_radius)).collect::<Vec<f64>>()
         };
-        let guides: Vec<GuideState> = model.guides.par_iter().zip(&model.bundles).map(start).collect();
+        let start = |env: &Environment| {
+            let guides = model.guides.par_iter().zip(&model.bundles);
+            let start = |(guide, bundle): (&GuideModel, &BundleProperties)| {
+                GuideState::on_skins(guide, &kept(bundle), env, skins.as_ref(), [t, h])
+            };
+            guides.map(start).collect::<Vec<GuideState>>()
+        };
+        let mut guides = start(&env);
+        if (env.push_out)(t) < 1.0 {
+            let troubled = |(state, (guide, bundle)): (&GuideState, (&GuideModel, &BundleProperties))| {
+                let colliders: Vec<usize> =
+                    (0..thickness.len()).filter(|c| state.clearance.starts_in(*c)).collect();
+                let x = GuideState::start_polyline(guide, &env, t);
+                let line = StartLine { x, thickness: kept(bundle), rooted: !guide.rod.is_free() };
+                (!colliders.is_empty()).then_some((line, colliders))
+            };
+            let all = guides.par_iter().zip(model.guides.par_iter().zip(&model.bundles));
+            let troubled: Vec<_> = all.filter_map(troubled).collect();
+            let run_up = RunUp::new(anim, &model.guides, &env.bodies, t, &troubled);
+            if !run_up.is_none() {
+                env = environment(&model, run_up);
+                env.prepare_bodies([t, t]);
+                guides = start(&env);
+            }
+        }
         let wisps = match anim.resolution() {
             Resolution::Full => None,
             _ => {
@@ -399,13 +424,16 @@ fn skins_at_rest(anim: &Anim, t: f64) -> Option<SkinsAtRest> {
     })
 }
 
-/// The environment of an animation.
-fn environment<'a>(model: &Model<'a>) -> Environment<'a> {
+/// The environment of an animation whose bodies come from rest as in `run_up`, while guides are pushed out of bodies.
+fn environment<'a>(model: &Model<'a>, run_up: RunUp) -> Environment<'a> {
     let anim = model.anim;
-    let push_out = model.push_out();
+    let (push_out, of_poses, of_meshes) = (model.push_out(), model.push_out(), model.push_out());
+    let run_up = Arc::new(run_up);
+    let of_deforming = run_up.clone();
     Environment {
         bodies: Bodies::new(anim.colliders.iter().map(Body::from)),
-        body: Box::new(|b, t| anim.bodies[anim.colliders[b].body].track.pose(t)),
+        body: Box::new(move |c, t| run_up.pose(anim, c, t, of_poses(t))),
+        from_rest: Box::new(move |c, t| of_deforming.from_rest(anim, c, t, of_meshes(t))),
         push_out: Box::new(push_out),
         carrier: Box::new(|b, t| anim.bodies[b].track.pose(t)),
         head: Box::new(|t| anim.head_pose(t)),

@@ -29,7 +29,7 @@ pub use distance::triangle::{
     ClosestPoints, TriangleFeature, barycentric, barycentric_point, closest_on_triangle, segment_triangle,
 };
 pub use friction::Friction;
-pub use mesh::deforming::DeformingMesh;
+pub use mesh::deforming::{DeformingMesh, FromRest};
 pub use mesh::distance_field::DistanceField;
 pub use mesh::skin::{Skin, SkinPoint};
 pub use mesh::solid_mesh::SolidMesh;

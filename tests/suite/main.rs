@@ -17,6 +17,7 @@ mod import_circles;
 mod pinch;
 mod resume;
 mod rod;
+mod run_up;
 mod sag_free;
 mod skin;
 mod strand;

@@ -158,6 +158,11 @@ impl GuideState {
         Self::between(before, start, clearance, h)
     }
 
+    /// The contact polyline in which the guide starts at time `t`, s; m, world.
+    pub fn start_polyline(model: &GuideModel, env: &Environment, t: f64) -> Vec<Vector3<f64>> {
+        StartPose::new(model, env, t, model.start_unknowns(t)).polyline(model)
+    }
+
     /// The groom's pose, carried rigidly, at time `t`, s, without distances from bodies.
     pub fn drawn(model: &GuideModel, env: &Environment, t: f64, h: f64) -> Self {
         let [before, now] = [t - h, t].map(|t| StartPose::new(model, env, t, model.rod.initial_q.clone()));

@@ -2,7 +2,7 @@
 
 use super::solid_mesh::SolidMesh;
 use crate::geometry::deformation::Deformation;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use std::sync::{Arc, OnceLock};
 
 /// Fractions of a step closer than this are equal: far above rounding, far below any part of a step.
@@ -13,6 +13,8 @@ const SAME: f64 = 1e-6;
 #[derive(Debug)]
 pub struct DeformingMesh {
     deformation: Arc<Deformation>,
+    /// Vertices at rest, m.
+    rest: Vec<Vector3<f64>>,
     /// Start and end of the step, s; −∞ until a step is prepared.
     times: [f64; 2],
     /// The mesh at the start and at the end.
@@ -28,6 +30,26 @@ pub struct DeformingMesh {
 #[derive(Debug, Default)]
 struct Midpoint(OnceLock<Box<(SolidMesh, [Midpoint; 2])>>);
 
+/// Where a mesh is on its way from rest to where its deformation has it.
+#[derive(Debug, Clone, Copy)]
+pub struct FromRest {
+    /// Where it is at rest, body frame.
+    pub rest: Isometry3<f64>,
+    /// The share (0..=1) of its way that it has come.
+    pub share: f64,
+}
+
+impl FromRest {
+    /// The vertices of a mesh with the vertices `rest` at rest and `deformed` by its deformation, m, body frame: each on
+    /// a straight line as the carrier of the rest sees it.
+    pub fn between(&self, rest: &[Vector3<f64>], deformed: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let place = |(rest, deformed): (&Vector3<f64>, &Vector3<f64>)| {
+            self.rest.transform_point(&(*rest).into()).coords.lerp(deformed, self.share)
+        };
+        rest.iter().zip(deformed).map(place).collect()
+    }
+}
+
 impl DeformingMesh {
     /// The mesh at rest, of `vertices`, m, body frame, and `triangles`; `deformation` moves the vertices.
     pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], deformation: Arc<Deformation>) -> Self {
@@ -37,6 +59,7 @@ impl DeformingMesh {
         let ends = [0; 2].map(|_| SolidMesh::from_positions(&positions, triangles));
         DeformingMesh {
             deformation,
+            rest: vertices.to_vec(),
             times: [f64::NEG_INFINITY; 2],
             ends,
             midpoint: Midpoint::default(),
@@ -44,18 +67,22 @@ impl DeformingMesh {
         }
     }
 
-    /// Prepares the step between two times, s.
-    pub fn prepare(&mut self, times: [f64; 2]) {
+    /// Prepares the step between two times, s. `from_rest` is where it is on its way from rest at each.
+    pub fn prepare(&mut self, times: [f64; 2], from_rest: impl Fn(f64) -> Option<FromRest>) {
         for t in times {
             if t != self.times[1] {
-                self.advance_to(t);
+                self.advance_to(t, from_rest(t));
             }
         }
     }
 
-    fn advance_to(&mut self, t: f64) {
+    fn advance_to(&mut self, t: f64, from_rest: Option<FromRest>) {
         let last = &self.ends[1];
-        let next = last.moved(&self.deformation.vertices(t));
+        let vertices = self.deformation.vertices(t);
+        let next = match from_rest {
+            None => last.moved(&vertices),
+            Some(from_rest) => last.moved(&from_rest.between(&self.rest, &vertices)),
+        };
         let displacement2 =
             next.vertices.iter().zip(&last.vertices).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max);
         self.ends.swap(0, 1);

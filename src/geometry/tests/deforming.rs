@@ -27,9 +27,9 @@ fn parts_of_a_step_are_linear_and_independent_of_history() {
     let new = || DeformingMesh::new(&mesh.vertices, &mesh.triangles, motion.clone());
     let (mut used, mut fresh) = (new(), new());
     for i in 0..4 {
-        used.prepare([f64::from(i), f64::from(i) + 1.0]);
+        used.prepare([f64::from(i), f64::from(i) + 1.0], |_| None);
     }
-    fresh.prepare([3.0, 4.0]);
+    fresh.prepare([3.0, 4.0], |_| None);
     for fraction in [0.0, 0.375, 0.5, 1.0] {
         let (a, b) = (used.at(3.0 + fraction), fresh.at(3.0 + fraction));
         let p = Vector3::new(0.05, 0.09, 0.02);
@@ -68,7 +68,7 @@ fn separating_points_are_not_welded_and_collapsed_triangles_are_valid() {
     };
     let motion = Arc::new(Deformation { start: 0.0, rate: 1.0, samples: (0..3).map(opened).collect() });
     let mut deforming = DeformingMesh::new(&mesh.vertices, &mesh.triangles, motion);
-    deforming.prepare([1.0, 2.0]);
+    deforming.prepare([1.0, 2.0], |_| None);
     let p = Vector3::new(0.0, -0.19, 0.01);
     for (t, distance) in [(1.0, 0.09), (2.0, 0.01)] {
         let s = deforming.at(t).closest(&p, 1.0).unwrap();
