@@ -80,7 +80,7 @@ impl RunUp {
 
     /// Where collider `c`, if it deforms, is on its way from rest at time `t`, s, where the run-up has come by the share
     /// `progress`.
-    pub fn from_rest(&self, anim: &Anim, c: usize, t: f64, progress: f64) -> Option<FromRest> {
+    pub fn mesh_from_rest(&self, anim: &Anim, c: usize, t: f64, progress: f64) -> Option<FromRest> {
         let body = anim.colliders[c].body;
         let share = self.share(body, progress)?;
         Some(FromRest { rest: anim.bodies[body].track.pose(t).inverse() * anim.head_pose(t), share })

@@ -433,7 +433,7 @@ fn environment<'a>(model: &Model<'a>, run_up: RunUp) -> Environment<'a> {
     Environment {
         bodies: Bodies::new(anim.colliders.iter().map(Body::from)),
         body: Box::new(move |c, t| run_up.pose(anim, c, t, of_poses(t))),
-        from_rest: Box::new(move |c, t| of_deforming.from_rest(anim, c, t, of_meshes(t))),
+        from_rest: Box::new(move |c, t| of_deforming.mesh_from_rest(anim, c, t, of_meshes(t))),
         push_out: Box::new(push_out),
         carrier: Box::new(|b, t| anim.bodies[b].track.pose(t)),
         head: Box::new(|t| anim.head_pose(t)),
