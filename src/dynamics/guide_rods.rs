@@ -61,7 +61,7 @@ impl GuideRods {
         let start = clock::time_after(anim, 0);
         let start_pose = |(i, r): (usize, &GuideRod)| r.rod.is_free().then(|| anim.carrier(skin(i), start));
         let start_pose = simulated.iter().enumerate().map(start_pose).collect();
-        let report = sag_free::apply(&mut simulated, &groom.guides.curves.skin, anim);
+        let report = sag_free::apply(&mut simulated, anim);
         let required = vec![true; simulated.len()];
         let fine = fine.into_iter().map(|r| r.rod).collect();
         GuideRods { sag_free: report, start_pose, required, simulated, fine, density, sampling }

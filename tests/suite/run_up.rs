@@ -126,3 +126,17 @@ fn a_body_through_which_the_hair_is_drawn_stays_where_the_shot_has_it() {
         assert!((pose.inverse() * own).rotation.angle() < 1e-12, "{pose}");
     });
 }
+
+#[test]
+fn hair_has_the_same_natural_shape_wherever_bodies_are_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    write_board(&folder.path().join("board.obj"), &Isometry3::identity());
+    // Beside the board, on which hair lies where it is at rest.
+    let naturals = [0.0, TURN].map(|turn| {
+        let shape = json!({ "type": "mesh", "file": "board.obj" });
+        let (groom, anim) = hanging(folder.path(), BOARD[0][0] - 0.005, shape, at_turn(turn), 1.0);
+        let rods = GuideRods::new(&groom, &anim);
+        rods.simulated.iter().map(|guide| format!("{:?}", guide.rod)).collect::<Vec<_>>()
+    });
+    assert!(naturals[0] == naturals[1]);
+}

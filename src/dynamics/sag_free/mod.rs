@@ -3,14 +3,15 @@
 
 mod support;
 
+use crate::contact::{Bodies, Body};
 use crate::math::cholesky;
 use crate::rod::{Rod, RodShape, RootJoint, Sensitivity};
-use crate::scene::{Anim, RootBinding};
+use crate::scene::{Anim, Collider};
 use crate::wisp::GuideRod;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
-use support::{Support, Surroundings};
+use support::Support;
 
 /// Largest natural offset of the strain at a node, 1/m: a curl of 4 cm diameter.
 const MAX_STRAIN_OFFSET: f64 = 50.0;
@@ -43,15 +44,16 @@ pub struct SagFreeReport {
     pub sagging: u32,
 }
 
-/// Makes the groom's pose an equilibrium, by the share that each clamped guide's material sets. `roots` are the
-/// places of skins that carry the groom's guides; empty if the head does.
-pub fn apply(rods: &mut [GuideRod], roots: &[RootBinding], anim: &Anim) -> SagFreeReport {
-    let surroundings = Surroundings::new(anim);
+/// Makes the groom's pose an equilibrium, by the share that each clamped guide's material sets, among the bodies of `anim`
+/// at rest, for which the groom was drawn: hair has the same natural shape in all shots.
+pub fn apply(rods: &mut [GuideRod], anim: &Anim) -> SagFreeReport {
+    let at_rest = |c: &Collider| Body::new(&c.shape, None, c.friction);
+    let bodies = Bodies::new(anim.colliders.iter().map(at_rest));
     let each = rods.par_iter_mut().filter_map(|r| {
         let (share, mu) = (r.material.sag_free, r.material.friction.mu_s);
         // No pose of a pinned guide but hanging is at rest.
         (share > 0.0 && r.rod.joint() == RootJoint::Clamped).then(|| {
-            let supports = surroundings.supports(&r.rod, roots.get(r.guide), mu);
+            let supports = support::supports(&bodies, &r.rod, mu);
             apply_to_rod(&mut r.rod, share, &anim.gravity, &supports)
         })
     });

@@ -1,11 +1,9 @@
 //! What carries hair in the groom's pose: bodies that it lies on (`docs/theory.md` §6).
 
-use crate::contact::{Bodies, Body};
-use crate::dynamics::clock;
+use crate::contact::Bodies;
 use crate::math::cholesky::dot;
 use crate::rod::{Rod, RodShape, Sensitivity};
-use crate::scene::{Anim, RootBinding};
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 /// Distance from a body up to which hair lies on it, or on hair that does, m: the depth of combed hair.
 /// Raising it lets hair sink further to the skin at the start, and store less energy against gravity.
@@ -32,55 +30,27 @@ pub struct Support {
     pub mu: f64,
 }
 
-/// The bodies of an animation when the pre-roll starts, as roots see them.
-pub struct Surroundings<'a> {
-    anim: &'a Anim,
-    bodies: Bodies,
-    /// Body frames to the head's rest space.
-    poses: Vec<Isometry3<f64>>,
-    /// Start of the pre-roll, s.
-    t: f64,
+/// The points of `rod` in its initial pose that lie on `bodies` at rest, which share its space: of the points at its nodes
+/// and half-way between them, since a rod has no more freedom than that. `mu` is the strand's friction, which holds for
+/// bodies without one of their own.
+pub fn supports(bodies: &Bodies, rod: &Rod, mu: f64) -> Vec<Support> {
+    let mut shape = RodShape::default();
+    shape.update(rod, &rod.root.r, &rod.initial_q);
+    let nodes = (0..rod.nodes.len()).map(|node| rod.node_point(node)).collect::<Vec<_>>();
+    let points = nodes.windows(2).flat_map(|w| [(w[0] + w[1]) / 2, w[1]]);
+    points.filter_map(|k| support(bodies, k, &(shape.x(k) + rod.root.p), mu)).collect()
 }
 
-impl<'a> Surroundings<'a> {
-    /// The bodies of `anim`.
-    pub fn new(anim: &'a Anim) -> Self {
-        let t = clock::time_after(anim, 0);
-        let mut bodies = Bodies::new(anim.colliders.iter().map(Body::from));
-        bodies.prepare([t, t]);
-        Surroundings { anim, bodies, poses: poses(anim, &anim.head_pose(t), t), t }
-    }
-
-    /// The points of `rod` in its initial pose that lie on bodies: of the points at its nodes and half-way
-    /// between them, since a rod has no more freedom than that. `mu` is the strand's friction, which holds
-    /// for bodies without one of their own. `root` is the place of a skin that carries its root, if one does.
-    pub fn supports(&self, rod: &Rod, root: Option<&RootBinding>, mu: f64) -> Vec<Support> {
-        let own = root.map(|root| poses(self.anim, &self.anim.carried(root, self.t), self.t));
-        let poses = own.as_ref().unwrap_or(&self.poses);
-        let mut shape = RodShape::default();
-        shape.update(rod, &rod.root.r, &rod.initial_q);
-        let nodes = (0..rod.nodes.len()).map(|node| rod.node_point(node)).collect::<Vec<_>>();
-        let points = nodes.windows(2).flat_map(|w| [(w[0] + w[1]) / 2, w[1]]);
-        points.filter_map(|k| self.support(k, &(shape.x(k) + rod.root.p), poses, mu)).collect()
-    }
-
-    /// The support of point `k` at `x`, m, rest space, with the bodies at `poses` in it.
-    fn support(&self, k: usize, x: &Vector3<f64>, poses: &[Isometry3<f64>], mu: f64) -> Option<Support> {
-        let on = |(b, pose): (usize, &Isometry3<f64>)| {
-            let local = pose.inverse_transform_point(&(*x).into()).coords;
-            let nearest = self.bodies.closest(b, self.t, &local, REACH)?;
-            let mu = self.bodies.bodies[b].friction.map_or(mu, |friction| friction.mu_s);
-            Some((nearest.distance.abs(), Support { point: k, normal: pose * nearest.normal, mu }))
-        };
-        let found = poses.iter().enumerate().filter_map(on);
-        found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, support)| support)
-    }
-}
-
-/// Frames of the bodies of `anim` to the rest space that `carrier` takes to the world, at time `t`, s.
-fn poses(anim: &Anim, carrier: &Isometry3<f64>, t: f64) -> Vec<Isometry3<f64>> {
-    let to_rest = carrier.inverse();
-    anim.colliders.iter().map(|c| to_rest * anim.bodies[c.body].track.pose(t)).collect()
+/// The support of point `k` at `x`, m, by `bodies` at rest.
+fn support(bodies: &Bodies, k: usize, x: &Vector3<f64>, mu: f64) -> Option<Support> {
+    let on = |b: usize| {
+        // Bodies at rest do not change with time.
+        let nearest = bodies.closest(b, 0.0, x, REACH)?;
+        let mu = bodies.bodies[b].friction.map_or(mu, |friction| friction.mu_s);
+        Some((nearest.distance.abs(), Support { point: k, normal: nearest.normal, mu }))
+    };
+    let found = (0..bodies.len()).filter_map(on);
+    found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, support)| support)
 }
 
 /// Forces of the supports, N, within their friction cones, with which the natural shape has to move least to
