@@ -294,7 +294,7 @@ impl<'a> Simulation<'a> {
             };
             let all = guides.par_iter().zip(model.guides.par_iter().zip(&model.bundles));
             let troubled: Vec<_> = all.filter_map(troubled).collect();
-            let run_up = RunUp::new(anim, &model.guides, &env.bodies, t, &troubled);
+            let run_up = RunUp::new(anim, (&model.guides, &guides), &env.bodies, t, &troubled);
             if !run_up.is_none() {
                 env = environment(&model, run_up);
                 env.prepare_bodies([t, t]);

@@ -114,6 +114,24 @@ fn a_body_that_lies_in_the_hair_when_the_shot_starts_pushes_it_aside() {
     }
 }
 
+/// A ball that comes down on the hair from above its roots.
+#[test]
+fn a_body_that_would_sweep_through_the_roots_comes_from_outside() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rest, shot) = (V::new(0.0, 0.5, 0.006), V::new(0.03, -0.15, 0.006));
+    let ball = json!({ "type": "sphere", "centre": rest.as_slice(), "radius": 0.05 });
+    let track = json!({ "translation": [(shot - rest).as_slice()] });
+    let (groom, anim) = hanging(folder.path(), 0.0, ball, track, 1.0);
+    settle(&groom, &anim, |start, end| {
+        let from = (start.env.body)(0, start.time()) * nalgebra::Point3::from(rest) - shot;
+        assert!(from.x > 0.015 && from.coords.yz().norm() < 0.5 * from.x, "{from}");
+        assert_eq!([exempt(start), exempt(end)], [0, 0]);
+        for x in end.state.guides.iter().flat_map(|guide| &guide.x) {
+            assert!((x - shot).norm() > 0.05 && x.x < 0.01, "{x}");
+        }
+    });
+}
+
 #[test]
 fn a_body_through_which_the_hair_is_drawn_stays_where_the_shot_has_it() {
     let folder = tempfile::tempdir().unwrap();

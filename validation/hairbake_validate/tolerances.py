@@ -24,7 +24,8 @@ ARC_OVER_CHORD = 0.01
 # Guides lie on smooth inextensible curves: arcs keep their length, chords do not. The arc is measured on the
 # cubic through four neighbouring points. Its relative error is below ARC_ERROR × κ²(κ² + τ²)s⁴ for curvature
 # κ, torsion τ and the longest segment s of the four points. The largest factor measured on helices is 0.0264
-# (tests/python/validator/test_geometry.py).
+# (tests/python/validator/test_geometry.py). Where the bend changes from point to point, as where a body bends
+# hair at its root, that of the turns counts.
 ARC_ERROR = 0.03
 
 # Arc of a guide's segment against its rest arc, relative, beyond ARC_ERROR: the curvature of strands in

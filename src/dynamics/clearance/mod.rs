@@ -184,6 +184,17 @@ impl GroomPose<'_> {
             || self.passages(b, &local, &points).contains(&Passage::Through)
     }
 
+    /// Sum of the outward normals, body frame, of body `b` in `pose` at the points of the guide that lie in it beyond where
+    /// it grows out of it.
+    pub fn way_out(&self, b: usize, pose: &Isometry3<f64>) -> Vector3<f64> {
+        let local: Vec<_> =
+            self.x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
+        let points = self.points(b, &local);
+        let beyond = points.iter().skip_while(|point| self.rooted && point.depth > 0.0);
+        let inside = beyond.filter(|point| point.depth > 0.0);
+        inside.map(|point| point.normal).sum()
+    }
+
     /// How far each segment of a scan cuts the surface, m, at most 0. Lowers the distances that points keep
     /// to those along their segments.
     fn cuts(&self, Scan { points, passages, .. }: &mut Scan) -> Vec<f64> {

@@ -66,3 +66,14 @@ def test_curves_do_not_affect_each_other() -> None:
 
 def test_spacing_is_that_of_32_bit_floats() -> None:
     assert spacing(np.array([-1.5, 0.2])) == 2**-23
+
+
+def test_the_error_of_arcs_covers_a_bend_that_fades_from_the_root() -> None:
+    # The turns at the points are 0.53, 0.32 and 0.19: curvature falls by e within two points.
+    fine = np.linspace(0, 20, 200_001)
+    heading = 1.75 * (1 - np.exp(-fine / 2))
+    steps = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], axis=1) * (fine[1] - fine[0])
+    curve = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (steps[1:] + steps[:-1]), axis=0)])
+    points = curve[::10_000]
+    arcs = arc_lengths(points, np.array([len(points)]))
+    assert (np.abs(arcs.length - 1) < arcs.error + 1e-7).all(), (arcs.length - 1, arcs.error)
