@@ -172,7 +172,8 @@ impl OnItsWay<'_> {
 
 impl Way<'_> {
     /// Where the collider starts so that guides are free that are `troubled` at its end and free at rest; `None` if
-    /// there are none, or no way there. What is drawn in a body, or through it, stays there wherever the body comes from.
+    /// there are none, or no way there. What is drawn in a body, or through it, stays there wherever the body comes
+    /// from.
     fn start(&self, troubled: Vec<&StartLine>) -> Option<Start> {
         let mut lines = troubled;
         self.at(Path::FromRest, 0.0, |rest| lines.retain(|line| !rest.holds(line)));

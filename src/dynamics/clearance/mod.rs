@@ -184,8 +184,8 @@ impl GroomPose<'_> {
             || self.passages(b, &local, &points).contains(&Passage::Through)
     }
 
-    /// Sum of the outward normals, body frame, of body `b` in `pose` at the points of the guide that lie in it beyond where
-    /// it grows out of it.
+    /// Sum of the outward normals, body frame, of body `b` in `pose` at the points of the guide that lie in it beyond
+    /// where it grows out of it.
     pub fn way_out(&self, b: usize, pose: &Isometry3<f64>) -> Vector3<f64> {
         let local: Vec<_> =
             self.x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
