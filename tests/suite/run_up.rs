@@ -39,7 +39,7 @@ fn write_board(path: &Path, place: &Isometry3<f64>) {
 fn hanging(folder: &Path, x: f64, shape: Value, track: Value, preroll: f64) -> (scene::Groom, scene::Anim) {
     let line = |i: usize| (0..=10).map(move |k| json!([x, -0.02 * f64::from(k), 0.003 * i as f64]));
     let groom = json!({
-        "format": "hairbake-groom", "version": 1, "materials": [{ "name": "hair" }],
+        "format": "hairbake-groom", "version": 1, "materials": [{ "name": "hair", "sag_free": 1.0 }],
         "guides": { "points": (0..5).flat_map(line).collect::<Vec<_>>(), "vertices": 11 }
     });
     let anim = json!({
@@ -148,13 +148,16 @@ fn a_body_through_which_the_hair_is_drawn_stays_where_the_shot_has_it() {
 #[test]
 fn hair_has_the_same_natural_shape_wherever_bodies_are_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
-    write_board(&folder.path().join("board.obj"), &Isometry3::identity());
-    // Beside the board, on which hair lies where it is at rest.
-    let naturals = [0.0, TURN].map(|turn| {
+    let natural = |at_rest: Isometry3<f64>, turn: f64| {
+        write_board(&folder.path().join("board.obj"), &at_rest);
         let shape = json!({ "type": "mesh", "file": "board.obj" });
-        let (groom, anim) = hanging(folder.path(), BOARD[0][0] - 0.005, shape, at_turn(turn), 1.0);
+        let (groom, mut anim) = hanging(folder.path(), BOARD[0][0] - 0.005, shape, at_turn(turn), 1.0);
+        // The hair leans on the board.
+        anim.gravity = V::new(9.81, 0.0, 0.0);
         let rods = GuideRods::new(&groom, &anim);
         rods.simulated.iter().map(|guide| format!("{:?}", guide.rod)).collect::<Vec<_>>()
-    });
-    assert!(naturals[0] == naturals[1]);
+    };
+    let drawn = natural(Isometry3::identity(), 0.0);
+    assert!(natural(Isometry3::identity(), TURN) == drawn);
+    assert!(natural(Isometry3::translation(1.0, 0.0, 0.0), 0.0) != drawn, "the board bears nothing");
 }
