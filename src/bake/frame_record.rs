@@ -1,5 +1,6 @@
 //! The record of a frame, as in the manifest and the report.
 
+use crate::dynamics::run_up::StartedIn;
 use crate::dynamics::simulation::{Simulation, SubstepRecord};
 use crate::rod::RodShape;
 use crate::strands::{Depths, Jumps, RigidMotion};
@@ -112,6 +113,9 @@ pub struct FrameRecord {
     pub contact_segments: u32,
     /// Deepest point inside its body of an exempt segment or one next to a root, roots excluded, m; 0 if none.
     pub exempt_penetration_m: f64,
+    /// Of the first frame, to which the pre-roll belongs: colliders in which guides start that are not in them as they
+    /// are drawn.
+    pub started_in: Vec<StartedIn>,
     /// Segments of active guides' contact polylines, at the frame, that bodies leave no room for outside,
     /// counted once per body.
     pub pinched_segments: u32,

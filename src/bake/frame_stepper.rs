@@ -142,6 +142,9 @@ impl<'a> Run<'a> {
         let (mut record, steps) = (std::mem::take(&mut self.record), self.simulation.take_path());
         record.frame = frame;
         record.close(&self.simulation);
+        if frame == *self.job.frames().start() {
+            record.started_in.clone_from(&self.simulation.started_in);
+        }
         self.next += 1;
         // The next segment resumes from the last frame; the frame before is a fallback. Both checkpoints are
         // synced before the state, so that a process that finds all states finds them too.

@@ -59,6 +59,7 @@ pub(super) fn finish(job: &Job, mut writer: Writer, finished: Vec<Finished>) -> 
         "goals": goals(job),
         "sag_free": job.rods.sag_free,
         "first_frame_from_groom": { "mean": mean, "largest": largest },
+        "started_in": first.record.started_in,
     }));
     for Finished { record, file, over, .. } in finished {
         let figures = figures(&record);
@@ -121,6 +122,7 @@ fn goals(job: &Job) -> Vec<Value> {
 fn figures(record: &FrameRecord) -> Map<String, Value> {
     let mut figures = object(json!(record));
     figures.remove("frame");
+    figures.remove("started_in");
     figures
 }
 

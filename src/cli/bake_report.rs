@@ -4,7 +4,9 @@ use super::figures::Figures;
 use super::warnings::warnings;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::Manifest;
+use crate::dynamics::run_up::StartedIn;
 use crate::report::{BakeReport, Chart, Series};
+use serde::Deserialize;
 
 /// The report of a bake whose figures are all known, without pictures.
 pub fn bake_report(summary: &BakeSummary, title: &str) -> BakeReport {
@@ -246,13 +248,14 @@ fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
     rows
 }
 
-/// What hair meets hair, how far the first frame is from the groom, and how the sag-free rest shape was
-/// reached.
+/// What hair meets hair, which bodies come to their places in the pre-roll, how far the first frame is from the
+/// groom, and how the sag-free rest shape was reached.
 pub fn scene_rows(manifest: &Manifest) -> Vec<(&'static str, String)> {
     let number = |object: &str, key: &str| manifest.scene_figures.get(object)?.get(key)?.as_f64();
     let first = |key: &str| number("first_frame_from_groom", key);
     let sag_free = |key: &str| number("sag_free", key);
     let mut rows: Vec<_> = hair_on_hair(manifest).map(|text| ("hair on hair", text)).into_iter().collect();
+    rows.extend(run_up(manifest).map(|text| ("bodies", text)));
     if let (Some(mean), Some(largest)) = (first("mean"), first("largest")) {
         let (mean, largest) = (mean * 100.0, largest * 100.0);
         rows.push((
@@ -274,6 +277,17 @@ pub fn scene_rows(manifest: &Manifest) -> Vec<(&'static str, String)> {
         rows.push(("sag-free", text));
     }
     rows
+}
+
+/// The bodies that come to their places in the pre-roll.
+fn run_up(manifest: &Manifest) -> Option<String> {
+    let started_in = Vec::<StartedIn>::deserialize(manifest.scene_figures.get("started_in")?).ok()?;
+    let colliders = &manifest.summary.colliders;
+    let comes = |StartedIn { collider, guides, .. }: &StartedIn| {
+        Some(format!("{} (into {guides} guides)", colliders.get(*collider as usize)?))
+    };
+    let bodies: Vec<String> = started_in.iter().filter(|body| body.runs_up).filter_map(comes).collect();
+    (!bodies.is_empty()).then(|| format!("come to their places in the pre-roll: {}", bodies.join(", ")))
 }
 
 /// The contact of hair with hair.

@@ -21,7 +21,7 @@ pub mod load;
 pub mod model;
 pub mod pinch;
 pub mod reaction;
-mod run_up;
+pub mod run_up;
 pub mod sag_free;
 pub mod simulation;
 pub mod step_record;

@@ -11,7 +11,7 @@ use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
 use super::hair_volume::{HairVolume, HairVolumeState};
 use super::model::Model;
-use super::run_up::{RunUp, StartLine};
+use super::run_up::{RunUp, StartLine, StartedIn};
 use super::step_record::{HairRecord, StepRecord};
 use super::strand_contact::{BundleProperties, RECOVERY_SPEED, StrandContacts};
 use super::wisp_friction::CarrierVelocity;
@@ -38,6 +38,8 @@ pub struct Simulation<'a> {
     pub env: Environment<'a>,
     /// Where the guides are.
     pub state: State,
+    /// The colliders in which guides start that are not in them as they are drawn.
+    pub started_in: Vec<StartedIn>,
 }
 
 /// The state of all guides between two sub-steps.
@@ -284,22 +286,23 @@ impl<'a> Simulation<'a> {
             guides.map(start).collect::<Vec<GuideState>>()
         };
         let mut guides = start(&env);
-        if (env.push_out)(t) < 1.0 {
-            let troubled = |(state, (guide, bundle)): (&GuideState, (&GuideModel, &BundleProperties))| {
-                let colliders: Vec<usize> =
-                    (0..thickness.len()).filter(|c| state.clearance.starts_in(*c)).collect();
-                let x = GuideState::start_polyline(guide, &env, t);
-                let line = StartLine { x, thickness: kept(bundle), rooted: !guide.rod.is_free() };
-                (!colliders.is_empty()).then_some((line, colliders))
-            };
-            let all = guides.par_iter().zip(model.guides.par_iter().zip(&model.bundles));
-            let troubled: Vec<_> = all.filter_map(troubled).collect();
-            let run_up = RunUp::new(anim, (&model.guides, &guides), &env.bodies, t, &troubled);
-            if !run_up.is_none() {
-                env = environment(&model, run_up);
-                env.prepare_bodies([t, t]);
-                guides = start(&env);
+        let all = guides.par_iter().zip(model.guides.par_iter().zip(&model.bundles));
+        let troubled = all.filter_map(|(state, (guide, bundle))| {
+            let colliders: Vec<usize> =
+                (0..thickness.len()).filter(|c| state.clearance.starts_in(*c)).collect();
+            if colliders.is_empty() {
+                return None;
             }
+            let (x, skin) = (GuideState::start_polyline(guide, &env, t), guide.skin.as_ref());
+            let rooted = !guide.rod.is_free();
+            Some((StartLine { x, skin, thickness: kept(bundle), rooted }, colliders))
+        });
+        let troubled: Vec<_> = troubled.collect();
+        let (run_up, started_in) = RunUp::new(anim, (&model.guides, &guides), &env.bodies, t, &troubled);
+        if !run_up.is_none() {
+            env = environment(&model, run_up);
+            env.prepare_bodies([t, t]);
+            guides = start(&env);
         }
         let wisps = match anim.resolution() {
             Resolution::Full => None,
@@ -343,7 +346,7 @@ impl<'a> Simulation<'a> {
         state.rebuild(&model, &env);
         // Without a pre-roll it has ended already.
         adapt(&model, &mut env, &mut state);
-        Simulation { model, env, state }
+        Simulation { model, env, state, started_in }
     }
 
     /// Takes one sub-step, which nothing interrupts; returns what it did.
@@ -427,17 +430,18 @@ fn skins_at_rest(anim: &Anim, t: f64) -> Option<SkinsAtRest> {
 /// The environment of an animation whose bodies come from rest as in `run_up`, while guides are pushed out of bodies.
 fn environment<'a>(model: &Model<'a>, run_up: RunUp) -> Environment<'a> {
     let anim = model.anim;
-    let (push_out, of_poses, of_meshes) = (model.push_out(), model.push_out(), model.push_out());
+    let progress = || model.push_out();
+    let (of_poses, of_meshes, of_skins) = (progress(), progress(), progress());
     let run_up = Arc::new(run_up);
-    let of_deforming = run_up.clone();
+    let (of_deforming, of_rooted) = (run_up.clone(), run_up.clone());
     Environment {
         bodies: Bodies::new(anim.colliders.iter().map(Body::from)),
         body: Box::new(move |c, t| run_up.pose(anim, c, t, of_poses(t))),
         from_rest: Box::new(move |c, t| of_deforming.mesh_from_rest(anim, c, t, of_meshes(t))),
-        push_out: Box::new(push_out),
+        push_out: Box::new(progress()),
         carrier: Box::new(|b, t| anim.bodies[b].track.pose(t)),
         head: Box::new(|t| anim.head_pose(t)),
-        skin: Box::new(|root, t| anim.carried(root, t)),
+        skin: Box::new(move |root, t| of_rooted.carried(anim, root, t, of_skins(t))),
         gravity: Box::new(|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>()),
         wind: &anim.wind,
         interrupt: Interrupt::default(),
@@ -474,7 +478,7 @@ impl Checkpoint for Simulation<'_> {
     }
 
     fn restore(&mut self, saved: SimulationState) -> Result<(), StateMismatch> {
-        let Simulation { model, env, state } = self;
+        let Simulation { model, env, state, started_in: _ } = self;
         (state.taken, state.path) = (saved.taken, saved.path);
         state.guides.restore(saved.guides)?;
         let found = saved.wisps.iter().count();

@@ -23,20 +23,42 @@ fn turned(angle: f64) -> Isometry3<f64> {
 
 /// Writes the board, where `place` takes it.
 fn write_board(path: &Path, place: &Isometry3<f64>) {
+    write_boxes(path, &[(BOARD, *place)]);
+}
+
+/// Writes boxes with these corners, m, each where its place takes it.
+fn write_boxes(path: &Path, boxes: &[([[f64; 2]; 3], Isometry3<f64>)]) {
     let mut text = String::new();
-    for corner in 0..8 {
-        let at = V::new(BOARD[0][corner & 1], BOARD[1][corner >> 1 & 1], BOARD[2][corner >> 2]);
-        let at = place.transform_point(&at.into());
-        writeln!(text, "v {} {} {}", at.x, at.y, at.z).unwrap();
+    for (corners, place) in boxes {
+        for corner in 0..8 {
+            let at = V::new(corners[0][corner & 1], corners[1][corner >> 1 & 1], corners[2][corner >> 2]);
+            let at = place.transform_point(&at.into());
+            writeln!(text, "v {} {} {}", at.x, at.y, at.z).unwrap();
+        }
     }
-    for [a, b, c, d] in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
-        writeln!(text, "f {a} {b} {c} {d}").unwrap();
+    for first in (0..boxes.len()).map(|i| 8 * i) {
+        for face in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
+            let [a, b, c, d] = face.map(|corner| first + corner);
+            writeln!(text, "f {a} {b} {c} {d}").unwrap();
+        }
     }
     std::fs::write(path, text).unwrap();
 }
 
 /// Five hairs of 20 cm that hang at this x, m, among a board that `shape` describes on a body with this `track`.
 fn hanging(folder: &Path, x: f64, shape: Value, track: Value, preroll: f64) -> (scene::Groom, scene::Anim) {
+    hanging_on(&[], folder, x, shape, track, preroll)
+}
+
+/// The same, with roots on these skins.
+fn hanging_on(
+    skins: &[&str],
+    folder: &Path,
+    x: f64,
+    shape: Value,
+    track: Value,
+    preroll: f64,
+) -> (scene::Groom, scene::Anim) {
     let line = |i: usize| (0..=10).map(move |k| json!([x, -0.02 * f64::from(k), 0.003 * i as f64]));
     let groom = json!({
         "format": "hairbake-groom", "version": 1, "materials": [{ "name": "hair", "sag_free": 1.0 }],
@@ -44,6 +66,7 @@ fn hanging(folder: &Path, x: f64, shape: Value, track: Value, preroll: f64) -> (
     });
     let anim = json!({
         "format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 3], "head": "head",
+        "skins": skins,
         "bodies": [{ "name": "head" }, { "name": "torso", "track": track }],
         "colliders": [{ "name": "board", "body": "torso", "thickness_m": 5e-4, "shape": shape }],
         "settings": { "preroll_s": preroll, "substeps": 4, "contact": "bodies", "resolution": "full" }
@@ -112,6 +135,33 @@ fn a_body_that_lies_in_the_hair_when_the_shot_starts_pushes_it_aside() {
             assert!(exempt(start) > 0 && behind(end) > 0.02);
         });
     }
+}
+
+/// A character of one mesh: some roots follow the head, others, as at the nape, in part.
+#[test]
+fn a_skin_that_lies_in_the_hair_when_the_shot_starts_brings_its_roots_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let [crown, nape] = [[-0.02, 0.0045], [0.0045, 0.03]].map(|z| [[-0.03, 0.03], [1e-5, 0.01], z]);
+    let (still, moved) = (Isometry3::identity(), Isometry3::translation(-0.015, 0.01, 0.0) * turned(-0.3));
+    write_boxes(&folder.path().join("board.obj"), &[(BOARD, still), (crown, still), (nape, still)]);
+    for frame in 1..=3 {
+        let boxes = [(BOARD, turned(TURN)), (crown, still), (nape, moved)];
+        write_boxes(&folder.path().join(format!("moved.{frame}.obj")), &boxes);
+    }
+    let shape = json!({ "type": "mesh", "file": "board.obj", "sequence": "moved.#.obj" });
+    let (groom, anim) = hanging_on(&["board"], folder.path(), 0.0, shape, at_turn(0.0), 1.0);
+    let roots = |simulation: &Simulation| simulation.state.guides.iter().map(|g| g.x[0]).collect::<Vec<_>>();
+    settle(&groom, &anim, |start, end| {
+        assert!(start.started_in.iter().map(|body| body.runs_up).eq([true]), "{:?}", start.started_in);
+        for (k, (from, to)) in roots(start).into_iter().zip(roots(end)).enumerate() {
+            let drawn = nalgebra::Point3::new(0.0, 0.0, 0.003 * k as f64);
+            let place = if k < 2 { drawn } else { moved * drawn };
+            assert!((to - place.coords).norm() < 1e-6, "{k}: {to}");
+            assert!((from - to).norm() > 1e-3, "{k}: {from}");
+        }
+        assert_eq!([exempt(start), exempt(end)], [0, 0]);
+        assert!(behind(start) > 0.02 && behind(end) < 0.0, "{} {}", behind(start), behind(end));
+    });
 }
 
 /// A ball that comes down on the hair from above its roots.

@@ -159,8 +159,7 @@ impl GroomPose<'_> {
     fn scan(&self) -> Scan {
         let (mut points, mut passages, mut root_distance) = (Vec::new(), Vec::new(), Vec::new());
         for (b, (pose, _)) in self.poses.iter().zip(self.thickness).enumerate() {
-            let local: Vec<_> =
-                self.x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
+            let local = self.local(pose);
             let of_body = self.points(b, &local);
             passages.extend(self.passages(b, &local, &of_body));
             points.extend(of_body);
@@ -176,23 +175,29 @@ impl GroomPose<'_> {
 
     /// True if the guide lies in body `b` in `pose`, or runs through it, beyond where it grows out of it.
     pub fn lies_in(&self, b: usize, pose: &Isometry3<f64>) -> bool {
-        let local: Vec<_> =
-            self.x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
+        let local = self.local(pose);
         let points = self.points(b, &local);
         let rooted = points.iter().take_while(|point| self.rooted && point.depth > 0.0).count();
         points[rooted..].iter().any(|point| point.depth > 0.0)
             || self.passages(b, &local, &points).contains(&Passage::Through)
     }
 
+    /// Depth in body `b` in `pose` of each point of the guide, m, at most [`SEARCH_RADIUS`].
+    pub fn depths(&self, b: usize, pose: &Isometry3<f64>) -> Vec<f64> {
+        self.points(b, &self.local(pose)).iter().map(|point| point.depth).collect()
+    }
+
+    /// Its points in the frame with this `pose`.
+    fn local(&self, pose: &Isometry3<f64>) -> Vec<Vector3<f64>> {
+        self.x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect()
+    }
+
     /// Sum of the outward normals, body frame, of body `b` in `pose` at the points of the guide that lie in it beyond
     /// where it grows out of it.
     pub fn way_out(&self, b: usize, pose: &Isometry3<f64>) -> Vector3<f64> {
-        let local: Vec<_> =
-            self.x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
-        let points = self.points(b, &local);
+        let points = self.points(b, &self.local(pose));
         let beyond = points.iter().skip_while(|point| self.rooted && point.depth > 0.0);
-        let inside = beyond.filter(|point| point.depth > 0.0);
-        inside.map(|point| point.normal).sum()
+        beyond.filter(|point| point.depth > 0.0).map(|point| point.normal).sum()
     }
 
     /// How far each segment of a scan cuts the surface, m, at most 0. Lowers the distances that points keep

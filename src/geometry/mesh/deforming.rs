@@ -43,10 +43,12 @@ impl FromRest {
     /// The vertices of a mesh with the vertices `rest` at rest and `deformed` by its deformation, m, body frame: each on
     /// a straight line as the carrier of the rest sees it.
     pub fn between(&self, rest: &[Vector3<f64>], deformed: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-        let place = |(rest, deformed): (&Vector3<f64>, &Vector3<f64>)| {
-            self.rest.transform_point(&(*rest).into()).coords.lerp(deformed, self.share)
-        };
-        rest.iter().zip(deformed).map(place).collect()
+        rest.iter().zip(deformed).map(|(rest, deformed)| self.place(rest, deformed)).collect()
+    }
+
+    /// The same of one vertex.
+    pub fn place(&self, rest: &Vector3<f64>, deformed: &Vector3<f64>) -> Vector3<f64> {
+        self.rest.transform_point(&(*rest).into()).coords.lerp(deformed, self.share)
     }
 }
 
