@@ -1,6 +1,6 @@
 //! The record of a frame, as in the manifest and the report.
 
-use crate::dynamics::run_up::StartedIn;
+pub use crate::dynamics::run_up::StartedIn;
 use crate::dynamics::simulation::{Simulation, SubstepRecord};
 use crate::rod::RodShape;
 use crate::strands::{Depths, Jumps, RigidMotion};

@@ -2,9 +2,9 @@
 
 use super::figures::Figures;
 use super::warnings::warnings;
+use crate::bake::frame_record::StartedIn;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::Manifest;
-use crate::dynamics::run_up::StartedIn;
 use crate::report::{BakeReport, Chart, Series};
 use serde::Deserialize;
 

@@ -1,8 +1,7 @@
 //! What the user of a bake is warned of.
 
-use crate::bake::frame_record::{FrameRecord, GAIN, RESIDUAL};
+use crate::bake::frame_record::{FrameRecord, GAIN, RESIDUAL, StartedIn};
 use crate::bake::{BakeSummary, SceneWarning};
-use crate::dynamics::run_up::StartedIn;
 use crate::report::Warning;
 use crate::report::view::Findings;
 use serde_json::Value;
