@@ -121,11 +121,11 @@ impl Job {
         Ok(Job { groom, anim, rods, base, over, inputs, settings, out: out.into(), key, work })
     }
 
-    /// Checks where the groom lies when the pre-roll starts.
+    /// Checks where the groom lies when the pre-roll starts; returns what the user is warned of there.
     ///
     /// # Errors
     /// [`crate::Error::BadInput`] for each body that holds most of the groom.
-    pub fn check_start(&self) -> Result<()> {
+    pub fn check_start(&self) -> Result<Vec<SceneWarning>> {
         let anim = self.inputs.iter().find(|input| input.role == "anim");
         let file = Path::new(anim.map_or("anim.json", |input| &input.file));
         start_check::check(&self.groom, &self.anim, &self.rods, file)

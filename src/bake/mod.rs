@@ -25,7 +25,7 @@ mod start_check;
 mod summary;
 pub mod work_dir;
 
-pub use scene_warnings::SceneWarning;
+pub use scene_warnings::{SceneWarning, start_warnings};
 pub use stages::{assemble, bake, input_records, interpolate, simulate};
 pub use start_check::check_start;
 pub use summary::{BakeSummary, StageSeconds};

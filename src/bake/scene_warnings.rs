@@ -1,6 +1,7 @@
 //! What the user is warned of in a scene before it is baked.
 
 use crate::dynamics::guide_rods::GuideRods;
+use crate::dynamics::run_up::StartedIn;
 use crate::dynamics::tie_reach::{OutOfReach, out_of_reach};
 use crate::math::polyline;
 use crate::scene::anim::{Keyframes, Load, Tie};
@@ -9,6 +10,10 @@ use crate::scene::{Anim, Collider, Groom};
 /// Share of the median length of the hair above which the thickness of a collider is warned of. A strand that lies
 /// along a surface leaves it, over its whole length, at no more than this angle, rad.
 const THICK: f64 = 0.1;
+
+/// Pre-roll below which bodies that come to their places in it do so fast, s: the hair that they push moves on as the shot
+/// starts.
+const SHORT_PREROLL: f64 = 0.5;
 
 /// What the user should look at in a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -28,6 +33,33 @@ pub fn scene_warnings(groom: &Groom, anim: &Anim, rods: &GuideRods) -> Vec<Scene
     let too_far = out_of_reach(groom, anim, rods);
     let too_far = too_far.iter().map(|found| unreached(&anim.ties[found.tie].name, found));
     idle(anim).into_iter().chain(too_far).chain(thick(groom, anim)).collect()
+}
+
+/// The warnings of `bodies` in which guides start that are drawn outside of them, of the `colliders` with these names, in
+/// a shot with this `preroll`, s.
+pub fn start_warnings(bodies: &[StartedIn], colliders: &[&str], preroll: f64) -> Vec<SceneWarning> {
+    let warning = |StartedIn { collider, guides, runs_up }: &StartedIn| {
+        let name = colliders.get(*collider as usize)?;
+        let stay =
+            format!("{guides} guides start in \"{name}\", which is not so as they are drawn, and stay in it");
+        let (what, advice) = match runs_up {
+            true if preroll >= SHORT_PREROLL => return None,
+            true => (
+                format!(
+                    "\"{name}\" comes into {guides} guides within half of the pre-roll of {preroll} s, and hair may \
+                     start fast"
+                ),
+                "; give it more time (--preroll 1)",
+            ),
+            false if preroll == 0.0 => (stay, "; a pre-roll (--preroll 1) pushes them out"),
+            false => (
+                format!("{stay}: all ways there lead through other hair"),
+                "; start the shot with it outside of the hair, or earlier",
+            ),
+        };
+        Some(SceneWarning { what, advice: advice.into(), ..SceneWarning::default() })
+    };
+    bodies.iter().filter_map(warning).collect()
 }
 
 /// A tie that hair does not reach.
@@ -126,4 +158,24 @@ fn in_mm(length: f64, round: impl Fn(f64) -> f64) -> String {
     let digits = 1.0 - mm.log10().floor();
     let unit = 10_f64.powf(digits);
     format!("{}", round(mm * unit) / unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_body_that_guides_start_in_is_warned_of_unless_it_has_time_to_come_there() {
+        let texts = |runs_up, preroll| {
+            let body = StartedIn { collider: 1, guides: 7, runs_up };
+            let warnings = start_warnings(&[body], &["head", "pillow"], preroll);
+            warnings.into_iter().map(|warning| warning.what + &warning.advice).collect::<String>()
+        };
+        assert_eq!(texts(true, 1.0), "");
+        assert!(
+            texts(true, 0.1).contains("\"pillow\" comes into 7 guides within half of the pre-roll of 0.1 s")
+        );
+        assert!(texts(false, 0.0).contains("stay in it; a pre-roll"));
+        assert!(texts(false, 1.0).contains("stay in it: all ways"));
+    }
 }

@@ -1,6 +1,6 @@
 //! Whether a bake can start: where the groom lies among the bodies.
 
-use super::scene_warnings::{SceneWarning, scene_warnings};
+use super::scene_warnings::{SceneWarning, scene_warnings, start_warnings};
 use crate::dynamics::exemption::Exemption;
 use crate::dynamics::guide_rods::GuideRods;
 use crate::dynamics::simulation::Simulation;
@@ -21,17 +21,17 @@ const MAX_EXEMPT: f64 = 0.5;
 pub fn check_start(groom: Groom, anim: &Anim, file: &Path) -> Result<Vec<SceneWarning>> {
     let groom = groom.with_default_trees(anim.settings.nodes);
     let rods = GuideRods::new(&groom, anim);
-    check(&groom, anim, &rods, file)?;
-    Ok(scene_warnings(&groom, anim, &rods))
+    let at_start = check(&groom, anim, &rods, file)?;
+    Ok(scene_warnings(&groom, anim, &rods).into_iter().chain(at_start).collect())
 }
 
-/// As [`check_start`] without warnings, of a groom with trees and its guides as `rods`.
+/// As [`check_start`], of a groom with trees and its guides as `rods`; the warnings are those of where guides start.
 ///
 /// # Errors
 /// As [`check_start`].
-pub(super) fn check(groom: &Groom, anim: &Anim, rods: &GuideRods, file: &Path) -> Result<()> {
+pub(super) fn check(groom: &Groom, anim: &Anim, rods: &GuideRods, file: &Path) -> Result<Vec<SceneWarning>> {
     if anim.colliders.is_empty() {
-        return Ok(());
+        return Ok(Vec::new());
     }
     let simulation = Simulation::new(groom, anim, rods);
     let errors: Vec<Diagnostic> = (anim.colliders.iter().enumerate())
@@ -53,5 +53,7 @@ pub(super) fn check(groom: &Groom, anim: &Anim, rods: &GuideRods, file: &Path) -
             )
         })
         .collect();
-    Error::if_any(errors)
+    Error::if_any(errors)?;
+    let colliders: Vec<&str> = anim.colliders.iter().map(|collider| &collider.name[..]).collect();
+    Ok(start_warnings(&simulation.started_in, &colliders, anim.settings.preroll))
 }

@@ -249,8 +249,8 @@ impl Scene {
     pub fn check_start(self) -> Result<Vec<SceneWarning>> {
         let out = self.out.clone();
         let job = self.job(&out, Job::new)?;
-        job.check_start()?;
-        Ok(job.warnings())
+        let at_start = job.check_start()?;
+        Ok(job.warnings().into_iter().chain(at_start).collect())
     }
 
     /// The bake in the folder `out`, made by `make`.

@@ -1,7 +1,7 @@
 //! What the user of a bake is warned of.
 
 use crate::bake::frame_record::{FrameRecord, GAIN, RESIDUAL, StartedIn};
-use crate::bake::{BakeSummary, SceneWarning};
+use crate::bake::{BakeSummary, SceneWarning, start_warnings};
 use crate::report::Warning;
 use crate::report::view::Findings;
 use serde_json::Value;
@@ -160,39 +160,13 @@ fn exempt(frames: &[FrameRecord]) -> Option<Warning> {
     })
 }
 
-/// Pre-roll below which bodies that come to their places in it do so fast, s: the hair that they push moves on as the shot
-/// starts.
-const SHORT_PREROLL: f64 = 0.5;
-
 /// Bodies in which guides start that are drawn outside of them.
 fn started_in(summary: &BakeSummary) -> Vec<Warning> {
     let Some(manifest) = &summary.manifest else { return Vec::new() };
     let preroll = manifest.settings.get("preroll_s").and_then(Value::as_f64).unwrap_or_default();
-    let warning =
-        |body: &StartedIn| of_start(body, manifest.summary.colliders.get(body.collider as usize)?, preroll);
-    summary.frames.iter().flat_map(|frame| &frame.started_in).filter_map(warning).collect()
-}
-
-/// The body `name`, in which guides start, in a bake with this `preroll`, s.
-fn of_start(StartedIn { guides, runs_up, .. }: &StartedIn, name: &str, preroll: f64) -> Option<Warning> {
-    let stay =
-        format!("{guides} guides start in \"{name}\", which is not so as they are drawn, and stay in it");
-    let (what, advice) = match runs_up {
-        true if preroll >= SHORT_PREROLL => return None,
-        true => (
-            format!(
-                "\"{name}\" comes into {guides} guides within half of the pre-roll of {preroll} s, and hair may \
-                 start fast"
-            ),
-            "; give it more time (--preroll 1)",
-        ),
-        false if preroll == 0.0 => (stay, "; a pre-roll (--preroll 1) pushes them out"),
-        false => (
-            format!("{stay}: all ways there lead through other hair"),
-            "; start the shot with it outside of the hair, or earlier",
-        ),
-    };
-    Some(Warning { advice: advice.into(), ..Warning::new(what) })
+    let bodies: Vec<StartedIn> = summary.frames.iter().flat_map(|frame| frame.started_in.clone()).collect();
+    let colliders = manifest.summary.colliders.iter().map(String::as_str);
+    start_warnings(&bodies, &colliders.collect::<Vec<_>>(), preroll).iter().map(of_scene).collect()
 }
 
 /// Whether bodies leave no room for some of the hair in a frame.
@@ -342,17 +316,5 @@ mod tests {
         let warnings = warnings(&BakeSummary { frames, ..BakeSummary::default() });
         let [ties] = &warnings[..] else { panic!("{warnings:?}") };
         assert!(ties.to_text().contains("in frame 1002 (236 mm);"), "{}", ties.to_text());
-    }
-
-    #[test]
-    fn a_body_that_guides_start_in_is_warned_of_unless_it_has_time_to_come_there() {
-        let text = |runs_up, preroll| {
-            let body = StartedIn { collider: 0, guides: 7, runs_up };
-            of_start(&body, "pillow", preroll).map(|warning| warning.to_text())
-        };
-        assert_eq!(text(true, 1.0), None);
-        assert!(text(true, 0.1).unwrap().contains("7 guides within half of the pre-roll of 0.1 s"));
-        assert!(text(false, 0.0).unwrap().contains("stay in it; a pre-roll"));
-        assert!(text(false, 1.0).unwrap().contains("stay in it: all ways"));
     }
 }
