@@ -329,3 +329,32 @@ fn a_place_on_a_part_of_a_mesh_is_inside_another_part_at_any_angle() {
         assert_eq!(found(x, y), None, "{x} {y}");
     }
 }
+
+#[test]
+fn a_place_beside_a_fold_of_a_surface_through_itself_is_outside() {
+    let mut ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 }.tessellate();
+    // A point is pulled over its neighbours, out by 0.5 mm: the faces behind it show their backs.
+    let pulled = (0..ball.vertices.len()).max_by(|a, b| ball.vertices[*a].x.total_cmp(&ball.vertices[*b].x));
+    let pulled = pulled.unwrap();
+    let of_pulled = ball.triangles.iter().filter(|t| t.contains(&(pulled as u32))).copied();
+    let faces: Vec<[u32; 3]> = of_pulled.collect();
+    let x = ball.vertices[pulled];
+    let away = |v: &u32| (ball.vertices[*v as usize] - x).norm();
+    let reach = faces.iter().flatten().map(away).fold(0.0, f64::max);
+    ball.vertices[pulled] = (x + Vector3::y() * (2.0 * reach)).normalize() * 0.0505;
+    let mesh = SolidMesh::new(&ball.vertices, &ball.triangles);
+    let (mut random, mut backs) = (Random::new(7), 0);
+    for _ in 0..5000 {
+        let mut within = |half: f64| half * random.draw();
+        let p = x + Vector3::new(within(2e-3), within(4.0 * reach), within(2.0 * reach));
+        let on = mesh.closest(&p, 1.0).unwrap();
+        let outside = mesh.winding_number(&p) <= 0.5;
+        assert!(on.distance >= 0.0 || !outside, "{p}: {}", on.distance);
+        // As a face tells by its normal alone.
+        backs += u32::from(outside && (p - on.point).dot(&mesh.pseudonormal(on.feature)) < -5e-6);
+        if on.distance > 0.0 {
+            assert!((on.normal - (p - on.point).normalize()).norm() < 1e-9);
+        }
+    }
+    assert!(backs > 50, "{backs}");
+}

@@ -166,7 +166,7 @@ impl Obstacles<'_> {
             } else {
                 self.violation_of(|body| clearances.surface(body, vertex), |_| false, &x, moved, bounds)
             };
-            if violation.depth == 0.0 || self.is_turned(&violation, &x) {
+            if violation.depth == 0.0 {
                 swallowed = None;
                 continue;
             }
@@ -269,13 +269,6 @@ impl Obstacles<'_> {
             swallowed
         };
         parts.map(swallowed).collect()
-    }
-
-    /// Whether what looks like the inside of a deforming body at `x`, m, world, is a place outside of it beside
-    /// skin that is turned inside out, as in a fold that the skin cannot follow.
-    fn is_turned(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
-        let winds_past = |(mesh, local): (&SolidMesh, Vector3<f64>)| mesh.winds_past(&local);
-        inside.depth > pinch::MIN_DEPTH && self.deforming(inside.body, x).is_some_and(winds_past)
     }
 
     /// The mesh of a body that deforms, and `x`, m, world, in its frame.

@@ -70,14 +70,14 @@ SEGMENTS = Check(
 GUIDE_SEGMENTS = Check(
     "guide_segments",
     "arcs between points of a guide keep the length of the rod",
-    "remove edits that stretch guides after the bake; where they bend sharply, bake these frames with more nodes",
+    "remove edits that stretch guides after the bake; where they bend sharply, bake with more nodes",
     tolerances.GUIDE_SEGMENT_DRIFT,
     "relative",
 )
 GUIDE_LENGTH = Check(
     "guide_length",
     "guides keep their total length",
-    "remove edits that stretch guides after the bake; where they bend sharply, bake these frames with more nodes",
+    "remove edits that stretch guides after the bake; where they bend sharply, bake with more nodes",
     tolerances.GUIDE_LENGTH_DRIFT,
     "relative",
 )

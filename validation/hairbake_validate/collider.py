@@ -9,7 +9,8 @@ to a point of it.
 The sign is that of the angle-weighted pseudonormal at the closest point (Bærentzen and Aanæs 2005), exact for
 closed meshes. Points whose closest point is on the boundary of an open mesh count as outside, and so do
 points deep in a head whose closest surface is that of an eyeball: hair enters through the skin, where the
-sign is right.
+sign is right. Where a surface passes through itself, points outside may count as inside, too: `winds_past`
+tells them.
 """
 
 from collections.abc import Iterator

@@ -291,10 +291,9 @@ class Window:
             outside = self.reference.outside[path, mesh.path]
             depth = np.zeros(len(outside))
             depth[outside] = collider.depth(local)
-            if mesh.deforms:
-                # Skin that a fold has turned inside out does not tell the side.
-                deep = depth * self.cache.metres_per_unit > tolerances.PINCH_DEPTH_M
-                depth[deep] *= ~collider.winds_past(local[deep[outside]])
+            # A surface that a fold has turned inside out does not tell the side.
+            deep = depth * self.cache.metres_per_unit > tolerances.PINCH_DEPTH_M
+            depth[deep] *= ~collider.winds_past(local[deep[outside]])
             yield path, depth
 
     def _is_valid(self, path: str, value: Array | None) -> bool:

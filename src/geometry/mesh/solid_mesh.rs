@@ -244,7 +244,8 @@ impl SolidMesh {
         let outside = self.on_boundary(feature)
             || match self.near_cap(feature) {
                 true => self.winding_number(p) <= 0.5,
-                false => offset.dot(&pseudonormal) >= 0.0,
+                // Where the surface passes through itself, as at the fold of an ear, a face has its back outside.
+                false => offset.dot(&pseudonormal) >= 0.0 || self.winds_past(p),
             };
         let sign = if outside { 1.0 } else { -1.0 };
         let normal = if distance > ROUNDING { offset * (sign / distance) } else { pseudonormal };
