@@ -1,5 +1,6 @@
 //! A triangle mesh as a solid: signed distance by angle-weighted pseudonormals (J. A. Baerentzen & H. Aanaes,
-//! "Signed distance computation using the angle weighted pseudonormal", 2005).
+//! "Signed distance computation using the angle weighted pseudonormal", 2005); of a closed mesh, places that it does not
+//! wind about are outside.
 
 use super::topology::Topology;
 use super::winding::{Ray, turns};
